@@ -1,0 +1,20 @@
+//! The parametric body (SMPL conventions): `M(beta, theta) = W(T + Bs(beta) + Bp(theta) + D, J(beta), theta)`
+//! (Loper et al. 2015; SoftSMPL eqs. 1-2), the inverse of its skinning, and analytic derivatives.
+//!
+//! Units: metres, radians. Right-handed, Y up, facing +Z. This room knows nothing of training or foreign files.
+
+mod error;
+mod model;
+mod regions;
+mod skinning;
+
+#[cfg(feature = "procedural")]
+pub mod procedural;
+
+pub use error::BodyError;
+pub use model::{BodyModel, JointRegressor, Mirror, SkinWeights, Skeleton, UvAtlas};
+pub use regions::{Region, RegionMap};
+pub use skinning::{Pose, ShapedBody};
+
+/// Result of this crate.
+pub type Result<T> = std::result::Result<T, BodyError>;

@@ -1,0 +1,289 @@
+use crate::{ClipError, ClipId, DeltaClip, MotionClip, Result, ScanClip};
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use softtissue_geometry::Frames;
+use softtissue_store::{TensorFile, TensorFileWriter, read_json, write_json_atomic};
+use std::path::{Path, PathBuf};
+
+/// A clip in a set's list.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ClipEntry {
+    /// Who, what, which take.
+    pub id: ClipId,
+    /// Frames.
+    pub frames: usize,
+    /// Frames a second.
+    pub fps: f32,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Index {
+    schema: u32,
+    kind: String,
+    vertex_count: usize,
+    topology: String,
+    provenance: serde_json::Value,
+    clips: Vec<ClipEntry>,
+}
+
+fn read_index(root: &Path, kind: &str) -> Result<Index> {
+    let path = root.join("index.json");
+    let index: Index = read_json(&path)?;
+    let bad = |reason: String| ClipError::Bad { path: path.clone(), reason };
+    if index.schema != 1 || index.kind != kind {
+        return Err(bad(format!("it is a {} set of schema {}, expected a {kind} set of schema 1", index.kind, index.schema)));
+    }
+    if let Some(entry) = index.clips.iter().find(|c| !c.id.is_valid()) {
+        return Err(bad(format!("its clip name {} holds characters that no file name may; rename it", entry.id)));
+    }
+    Ok(index)
+}
+
+/// Scans: a folder with `index.json` (written last), `scans/*.safetensors` and, where a rough pose channel
+/// exists, `rough/*.safetensors`.
+#[derive(Clone, Debug)]
+pub struct ScanSet {
+    root: PathBuf,
+    index: Index,
+}
+
+impl ScanSet {
+    /// Opens a finished set.
+    pub fn open(root: &Path) -> Result<Self> {
+        Ok(Self { root: root.to_owned(), index: read_index(root, "scan")? })
+    }
+    /// Closes a set whose clips are written: lists them.
+    pub fn finish(root: &Path, vertex_count: usize, topology: &str, provenance: serde_json::Value, mut clips: Vec<ClipEntry>) -> Result<Self> {
+        clips.sort_by(|a, b| a.id.cmp(&b.id));
+        let index = Index { schema: 1, kind: "scan".into(), vertex_count, topology: topology.into(), provenance, clips };
+        write_json_atomic(&root.join("index.json"), &index)?;
+        Ok(Self { root: root.to_owned(), index })
+    }
+    /// Where a scan clip lies.
+    pub fn scan_path(root: &Path, id: &ClipId) -> PathBuf {
+        root.join("scans").join(id.stem() + ".safetensors")
+    }
+    /// Where the rough pose channel of a clip lies.
+    pub fn rough_path(root: &Path, id: &ClipId) -> PathBuf {
+        root.join("rough").join(id.stem() + ".safetensors")
+    }
+    /// The folder.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+    /// Clips, sorted.
+    pub fn clips(&self) -> &[ClipEntry] {
+        &self.index.clips
+    }
+    /// Clip names, sorted.
+    pub fn ids(&self) -> Vec<ClipId> {
+        self.index.clips.iter().map(|c| c.id.clone()).collect()
+    }
+    /// Subjects, sorted, each once.
+    pub fn subjects(&self) -> Vec<String> {
+        let mut subjects: Vec<String> = self.index.clips.iter().map(|c| c.id.subject.clone()).collect();
+        subjects.dedup();
+        subjects
+    }
+    /// Vertices of every frame.
+    pub fn vertex_count(&self) -> usize {
+        self.index.vertex_count
+    }
+    /// Hash of the template topology.
+    pub fn topology(&self) -> &str {
+        &self.index.topology
+    }
+    /// Where the set came from.
+    pub fn provenance(&self) -> &serde_json::Value {
+        &self.index.provenance
+    }
+    /// Reads a clip and checks it against the list.
+    pub fn scan(&self, id: &ClipId) -> Result<ScanClip> {
+        self.entry(id)?;
+        let path = Self::scan_path(&self.root, id);
+        let clip = ScanClip::read(&path)?;
+        if clip.vertices.points_per_frame() != self.index.vertex_count {
+            return Err(ClipError::Bad {
+                path,
+                reason: format!("{} vertices, but the set has {}; make the set again", clip.vertices.points_per_frame(), self.index.vertex_count),
+            });
+        }
+        Ok(clip)
+    }
+    /// The rough pose channel of a clip, where the set has one.
+    pub fn rough_motion(&self, id: &ClipId) -> Result<Option<MotionClip>> {
+        self.entry(id)?;
+        let path = Self::rough_path(&self.root, id);
+        if path.exists() { MotionClip::read(&path).map(Some) } else { Ok(None) }
+    }
+    fn entry(&self, id: &ClipId) -> Result<&ClipEntry> {
+        self.index.clips.iter().find(|c| c.id == *id).ok_or_else(|| ClipError::NoClip { id: id.clone(), path: self.root.clone() })
+    }
+}
+
+/// What a simulator knows of a subject.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrueSubject {
+    /// Name.
+    pub subject: String,
+    /// Shape coefficients.
+    pub beta: Vec<f32>,
+    /// Body mass index, kg/m^2.
+    pub bmi: f32,
+    /// Everything else worth keeping (hidden material, style, ...).
+    pub notes: serde_json::Value,
+}
+
+/// Truth: a folder beside the scans that only evaluation opens. `subjects.json`, `motions/`, `deltas/`
+/// (true deltas) and `clean/` (posed vertices before the scanner).
+#[derive(Clone, Debug)]
+pub struct TruthSet {
+    root: PathBuf,
+    subjects: Vec<TrueSubject>,
+}
+
+impl TruthSet {
+    /// Opens a finished truth folder.
+    pub fn open(root: &Path) -> Result<Self> {
+        Ok(Self { root: root.to_owned(), subjects: read_json(&root.join("subjects.json"))? })
+    }
+    /// Closes a truth folder whose clips are written.
+    pub fn finish(root: &Path, subjects: Vec<TrueSubject>) -> Result<Self> {
+        write_json_atomic(&root.join("subjects.json"), &subjects)?;
+        Ok(Self { root: root.to_owned(), subjects })
+    }
+    /// Where the exact motion of a clip lies.
+    pub fn motion_path(root: &Path, id: &ClipId) -> PathBuf {
+        root.join("motions").join(id.stem() + ".safetensors")
+    }
+    /// Where the true deltas of a clip lie.
+    pub fn delta_path(root: &Path, id: &ClipId) -> PathBuf {
+        root.join("deltas").join(id.stem() + ".safetensors")
+    }
+    /// Where the clean posed vertices of a clip lie.
+    pub fn clean_path(root: &Path, id: &ClipId) -> PathBuf {
+        root.join("clean").join(id.stem() + ".safetensors")
+    }
+    /// True subjects.
+    pub fn subjects(&self) -> &[TrueSubject] {
+        &self.subjects
+    }
+    /// One true subject.
+    pub fn subject(&self, name: &str) -> Option<&TrueSubject> {
+        self.subjects.iter().find(|s| s.subject == name)
+    }
+    /// Exact motion of a clip.
+    pub fn motion(&self, id: &ClipId) -> Result<MotionClip> {
+        MotionClip::read(&Self::motion_path(&self.root, id))
+    }
+    /// True deltas of a clip.
+    pub fn deltas(&self, id: &ClipId) -> Result<DeltaClip> {
+        DeltaClip::read(&Self::delta_path(&self.root, id))
+    }
+    /// Clean posed vertices of a clip.
+    pub fn clean(&self, id: &ClipId) -> Result<ScanClip> {
+        ScanClip::read(&Self::clean_path(&self.root, id))
+    }
+}
+
+/// What the fit found for a subject.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FittedSubject {
+    /// Name.
+    pub subject: String,
+    /// Shape coefficients.
+    pub beta: Vec<f32>,
+    /// Static detail beyond the shape space, `[V]`, metres, rest frame; zero with `subject_template = false`.
+    pub template: Vec<Vec3>,
+    /// Weight of each vertex in the fit, high on rigid parts, `[V]`.
+    pub fit_weight: Vec<f32>,
+    /// Casas-Otaduy eq. 7: mean squared change of delta velocity, high on **flesh** in spite of its name, `[V]`.
+    pub rigidity_weight: Vec<f32>,
+}
+
+/// Fitted subjects, fitted motions and scan deltas: `index.json`, `subjects/`, `motions/`, `deltas/`.
+#[derive(Clone, Debug)]
+pub struct FitSet {
+    root: PathBuf,
+    index: Index,
+}
+
+impl FitSet {
+    /// Opens a finished set.
+    pub fn open(root: &Path) -> Result<Self> {
+        Ok(Self { root: root.to_owned(), index: read_index(root, "fit")? })
+    }
+    /// Closes a set whose clips and subjects are written.
+    pub fn finish(root: &Path, vertex_count: usize, topology: &str, provenance: serde_json::Value, mut clips: Vec<ClipEntry>) -> Result<Self> {
+        clips.sort_by(|a, b| a.id.cmp(&b.id));
+        let index = Index { schema: 1, kind: "fit".into(), vertex_count, topology: topology.into(), provenance, clips };
+        write_json_atomic(&root.join("index.json"), &index)?;
+        Ok(Self { root: root.to_owned(), index })
+    }
+    /// Where the fitted motion of a clip lies.
+    pub fn motion_path(root: &Path, id: &ClipId) -> PathBuf {
+        root.join("motions").join(id.stem() + ".safetensors")
+    }
+    /// Where the scan deltas of a clip lie.
+    pub fn delta_path(root: &Path, id: &ClipId) -> PathBuf {
+        root.join("deltas").join(id.stem() + ".safetensors")
+    }
+    /// Where a subject lies.
+    pub fn subject_path(root: &Path, subject: &str) -> PathBuf {
+        root.join("subjects").join(format!("{subject}.safetensors"))
+    }
+    /// The folder.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+    /// Clips, sorted.
+    pub fn clips(&self) -> &[ClipEntry] {
+        &self.index.clips
+    }
+    /// Vertices of every frame.
+    pub fn vertex_count(&self) -> usize {
+        self.index.vertex_count
+    }
+    /// Hash of the template topology.
+    pub fn topology(&self) -> &str {
+        &self.index.topology
+    }
+    /// Fitted motion of a clip.
+    pub fn motion(&self, id: &ClipId) -> Result<MotionClip> {
+        MotionClip::read(&Self::motion_path(&self.root, id))
+    }
+    /// Scan deltas of a clip.
+    pub fn deltas(&self, id: &ClipId) -> Result<DeltaClip> {
+        DeltaClip::read(&Self::delta_path(&self.root, id))
+    }
+    /// A fitted subject.
+    pub fn subject(&self, name: &str) -> Result<FittedSubject> {
+        FittedSubject::read(&Self::subject_path(&self.root, name))
+    }
+}
+
+impl FittedSubject {
+    /// Writes the subject.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let v = self.template.len();
+        let template: Vec<f32> = self.template.iter().flat_map(|p| p.to_array()).collect();
+        let mut file = TensorFileWriter::new();
+        file.meta("softtissue", "1").meta("kind", "fitted-subject").meta("subject", &self.subject);
+        file.f32("beta", &[self.beta.len()], &self.beta).f32("template", &[v, 3], &template);
+        file.f32("fit_weight", &[v], &self.fit_weight).f32("rigidity_weight", &[v], &self.rigidity_weight);
+        Ok(file.write(path)?)
+    }
+    /// Reads a subject.
+    pub fn read(path: &Path) -> Result<Self> {
+        let file = TensorFile::open(path)?;
+        let template = Frames::from_numbers(1, &file.f32("template")?).points().to_vec();
+        Ok(Self {
+            subject: file.require_meta("subject")?.to_owned(),
+            beta: file.f32("beta")?,
+            template,
+            fit_weight: file.f32("fit_weight")?,
+            rigidity_weight: file.f32("rigidity_weight")?,
+        })
+    }
+}

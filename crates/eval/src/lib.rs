@@ -1,0 +1,1 @@
+//! Measures, baselines, protocols and the report.

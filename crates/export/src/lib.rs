@@ -1,0 +1,1 @@
+//! Animated glTF and mesh sequences out of a bundle and a motion.

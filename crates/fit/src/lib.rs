@@ -1,0 +1,1 @@
+//! Shape, pose, unposing and delta clips by damped Gauss-Newton.

@@ -1,0 +1,11 @@
+//! Meshes, adjacency, normals, closest points and rotations. SI units, right-handed, Y up.
+//!
+//! This room knows nothing of files, people or learning.
+
+mod frames;
+mod mesh;
+mod rotation;
+
+pub use frames::Frames;
+pub use mesh::{Adjacency, Mesh, Topology, TopologyError, face_normals, vertex_normals, signed_volume};
+pub use rotation::{axis_angle_from_rotation, left_jacobian, reflect_axis_angle_x, rotation_from_axis_angle, rotation_derivatives};

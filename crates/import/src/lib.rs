@@ -1,0 +1,1 @@
+//! The customs office: foreign files to ours, with provenance and limits.

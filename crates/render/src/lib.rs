@@ -1,0 +1,1 @@
+//! Draws shaded meshes into PNG pictures without a window.

@@ -1,0 +1,1 @@
+//! Losses, step, loop, schedule, checkpoint and resume.
