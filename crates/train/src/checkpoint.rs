@@ -1,0 +1,159 @@
+use crate::{NamedArray, Result, State, TrainError};
+use serde::{Deserialize, Serialize};
+use softtissue_store::{DType, TensorFile, TensorFileWriter, read_json, sha256_file, write_json_atomic};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+const MANIFEST: &str = "manifest.json";
+const STATE: &str = "state.safetensors";
+const BEST: &str = "best.safetensors";
+
+/// What a checkpoint holds beside its arrays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Manifest {
+    schema: u32,
+    /// Names the configuration and data that the run was started with.
+    fingerprint: String,
+    steps_done: u64,
+    best_step: Option<u64>,
+    best_mm: Option<f64>,
+    files: BTreeMap<String, String>,
+}
+
+/// The state of a trainee after `steps_done` steps, and the best state so far by validation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checkpoint {
+    /// Steps done.
+    pub steps_done: u64,
+    /// Weights and optimiser.
+    pub state: State,
+    /// Step count, validation error in mm, and state of the best so far.
+    pub best: Option<(u64, f64, State)>,
+}
+
+/// A folder of checkpoints `step-000123/`, each complete once its `manifest.json` stands: the manifest is
+/// written last and holds a hash of every file.
+#[derive(Clone, Debug)]
+pub struct CheckpointFolder {
+    root: PathBuf,
+    fingerprint: String,
+    keep_last: usize,
+}
+
+impl CheckpointFolder {
+    /// `fingerprint` names configuration, data and topology; a checkpoint with another one is refused.
+    pub fn new(root: PathBuf, fingerprint: String, keep_last: usize) -> Self {
+        Self { root, fingerprint, keep_last: keep_last.max(1) }
+    }
+
+    /// Writes a checkpoint, then removes all but the newest `keep_last`.
+    pub fn save(&self, checkpoint: &Checkpoint) -> Result<PathBuf> {
+        let folder = self.root.join(format!("step-{:06}", checkpoint.steps_done));
+        let mut files = BTreeMap::new();
+        let mut write = |name: &str, state: &State| -> Result<()> {
+            let path = folder.join(name);
+            write_state(&path, state)?;
+            files.insert(name.to_owned(), sha256_file(&path)?);
+            Ok(())
+        };
+        write(STATE, &checkpoint.state)?;
+        if let Some((_, _, state)) = &checkpoint.best {
+            write(BEST, state)?;
+        }
+        let manifest = Manifest {
+            schema: 1,
+            fingerprint: self.fingerprint.clone(),
+            steps_done: checkpoint.steps_done,
+            best_step: checkpoint.best.as_ref().map(|b| b.0),
+            best_mm: checkpoint.best.as_ref().map(|b| b.1),
+            files,
+        };
+        write_json_atomic(&folder.join(MANIFEST), &manifest)?;
+        self.prune();
+        Ok(folder)
+    }
+
+    /// The newest complete checkpoint. A folder without manifest was cut off while being written and is
+    /// passed over; a complete one that is broken or of another run is an error.
+    pub fn newest(&self) -> Result<Option<Checkpoint>> {
+        let complete = |p: &PathBuf| p.join(MANIFEST).exists();
+        match self.folders().into_iter().rfind(complete) {
+            Some(folder) => self.load(&folder).map(Some),
+            None => Ok(None),
+        }
+    }
+
+    /// Removes every checkpoint, once the stage's result is written.
+    pub fn clear(&self) {
+        // Left-over checkpoints cost disk, nothing else: a failure here must not fail the run.
+        let _ = std::fs::remove_dir_all(&self.root);
+    }
+
+    fn folders(&self) -> Vec<PathBuf> {
+        let mut folders: Vec<PathBuf> = std::fs::read_dir(&self.root)
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|e| e.path())
+            .filter(|p| p.file_name().is_some_and(|n| n.to_string_lossy().starts_with("step-")))
+            .collect();
+        folders.sort();
+        folders
+    }
+
+    fn prune(&self) {
+        let folders = self.folders();
+        for old in &folders[..folders.len().saturating_sub(self.keep_last)] {
+            // The manifest goes first, so that a half-removed folder is never taken for a whole one.
+            let _ = std::fs::remove_file(old.join(MANIFEST));
+            let _ = std::fs::remove_dir_all(old);
+        }
+    }
+
+    fn load(&self, folder: &Path) -> Result<Checkpoint> {
+        let bad = |reason: String| TrainError::Checkpoint { path: folder.to_owned(), reason };
+        let manifest: Manifest = read_json(&folder.join(MANIFEST)).map_err(|e| bad(format!("{e}; delete the folder to go on from the one before")))?;
+        if manifest.schema != 1 {
+            return Err(bad(format!("schema {} is not 1; resume with the version that wrote it", manifest.schema)));
+        }
+        if manifest.fingerprint != self.fingerprint {
+            return Err(bad("it was made with other settings, data or topology; resume with those or choose another --out".into()));
+        }
+        for (name, hash) in &manifest.files {
+            if name != STATE && name != BEST {
+                return Err(bad(format!("it lists a strange file {name:?}; delete the folder to go on from the one before")));
+            }
+            if sha256_file(&folder.join(name))? != *hash {
+                return Err(bad(format!("{name} is damaged (its hash differs); delete the folder to go on from the one before")));
+            }
+        }
+        let best = match (manifest.best_step, manifest.best_mm) {
+            (Some(step), Some(mm)) => Some((step, mm, read_state(&folder.join(BEST))?)),
+            _ => None,
+        };
+        Ok(Checkpoint { steps_done: manifest.steps_done, state: read_state(&folder.join(STATE))?, best })
+    }
+}
+
+/// Writes named arrays as one tensor file.
+pub(crate) fn write_state(path: &Path, state: &State) -> Result<()> {
+    let mut file = TensorFileWriter::new();
+    for array in state.values() {
+        file.f32(&array.name, &array.shape, &array.data);
+    }
+    Ok(file.write(path)?)
+}
+
+/// Reads what [`write_state`] wrote.
+pub(crate) fn read_state(path: &Path) -> Result<State> {
+    let file = TensorFile::open(path)?;
+    let mut state = State::new();
+    for name in file.names() {
+        let (dtype, shape) = file.shape(name).expect("a listed name has a shape");
+        if dtype == DType::F32 {
+            state.insert(name.to_owned(), NamedArray { name: name.to_owned(), shape: shape.to_vec(), data: file.f32(name)? });
+        }
+    }
+    Ok(state)
+}
