@@ -1,0 +1,1 @@
+//! Physical flesh by explicit finite elements.
