@@ -3,7 +3,10 @@
 //!
 //! Units: metres, radians. Right-handed, Y up, facing +Z. This room knows nothing of training or foreign files.
 
+mod correctives;
+mod derivative;
 mod error;
+mod mirror;
 mod model;
 mod regions;
 mod skinning;
@@ -11,10 +14,11 @@ mod skinning;
 #[cfg(feature = "procedural")]
 pub mod procedural;
 
+pub use derivative::Jacobian;
 pub use error::BodyError;
 pub use model::{BodyModel, JointRegressor, Mirror, SkinWeights, Skeleton, UvAtlas};
 pub use regions::{Region, RegionMap};
-pub use skinning::{Pose, ShapedBody};
+pub use skinning::{Pose, SMALLEST_DETERMINANT, ShapedBody};
 
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, BodyError>;

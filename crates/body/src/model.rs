@@ -115,6 +115,18 @@ impl Skeleton {
     pub fn is_empty(&self) -> bool {
         self.names.is_empty()
     }
+    /// `[j][k]`: whether bone `k` is joint `j`'s own or hangs below it.
+    pub fn descendants(&self) -> Vec<Vec<bool>> {
+        let mut below = vec![vec![false; self.len()]; self.len()];
+        for k in 0..self.len() {
+            let mut at = Some(k);
+            while let Some(j) = at {
+                below[j][k] = true;
+                at = self.parents[j].map(usize::from);
+            }
+        }
+        below
+    }
     /// Index of a joint by name.
     pub fn index(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|n| n == name)
