@@ -1,1 +1,18 @@
 //! The shipped model format and the player that runs it without a machine-learning framework.
+//!
+//! What a model computes is defined by the plain arrays here: [`Regressor`] (motion features to latent, frame by
+//! frame), [`Subspace`] (latent to deltas) and the [`descriptor`] (poses to features). This room may use geometry
+//! and body only; it must never know the framework, training or the body's generator.
+
+pub mod descriptor;
+mod matrix;
+mod network;
+mod regressor;
+mod resonators;
+mod subspace;
+
+pub use matrix::Matrix;
+pub use network::{Gru, Linear, ResidualUnit};
+pub use regressor::{InputScaling, Recurrent, Regressor, RegressorState};
+pub use resonators::{Resonator, ResonatorBank};
+pub use subspace::{Decoder, DeltaBasis, Encoder, Subspace, SubspaceScratch};

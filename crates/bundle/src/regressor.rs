@@ -1,0 +1,208 @@
+use crate::{Gru, Linear, Matrix, ResonatorBank};
+
+/// Chooses, scales and clips numbers: `y_i = clip(scale_i x[keep_i], low_i, high_i)`. The clip holds what a network
+/// sees inside what it was trained on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct InputScaling {
+    /// Which inputs are kept, `[D]`, ascending.
+    pub keep: Vec<u32>,
+    /// Factor of each kept input, `[D]`.
+    pub scale: Vec<f32>,
+    /// Least value after scaling, `[D]`.
+    pub low: Vec<f32>,
+    /// Greatest value after scaling, `[D]`.
+    pub high: Vec<f32>,
+}
+
+/// What predicts the latent from the motion, frame by frame: a shortcut that is linear in the inputs (or in a bank
+/// of damped resonators driven by them) and, around it, a recurrent network (SoftSMPL sec. 5).
+///
+/// ```text
+/// x = input(features)                                            [D]
+/// b = shape(beta)                                                [B]
+/// a = x                          without a bank                  [A]
+///     bank(x)                    with a bank
+///     [bank(x), x]               with a bank and `direct`
+/// z = shortcut([phi_0(b) a, phi_1(b) a, ..., b]) + readout(h)    [L]
+/// h = gru([x, b], h before), zero at the start
+/// ```
+///
+/// `phi_k(b)` is the product of `b_i` to the power `shape_terms[k][i]`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Regressor {
+    /// From the descriptor's features to `x`.
+    pub input: InputScaling,
+    /// From `beta` to `b`; a missing coefficient counts as zero.
+    pub shape: InputScaling,
+    /// Exponents of each shape term, `[K]` rows of at most `B`; the constant term is an empty row.
+    pub shape_terms: Vec<Vec<u8>>,
+    /// Linear memory in front of the shortcut.
+    pub bank: Option<ResonatorBank>,
+    /// Whether the shortcut sees `x` beside the bank's outputs. Always so without a bank.
+    pub direct: bool,
+    /// `[K A + B] -> [L]`.
+    pub shortcut: Linear,
+    /// The recurrent network; without it the regressor is linear in time.
+    pub recurrent: Option<Recurrent>,
+}
+
+/// A GRU and the layer that reads its state.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recurrent {
+    /// `[D + B] -> [H]`.
+    pub gru: Gru,
+    /// `[H] -> [L]`.
+    pub readout: Linear,
+}
+
+/// What a [`Regressor`] remembers between frames of one body, and its working memory. The shape terms are folded
+/// into the shortcut once, so that a step costs the same with them as without.
+#[derive(Clone, Debug)]
+pub struct RegressorState {
+    shortcut: Matrix,
+    bias: Vec<f32>,
+    /// `[x, b]`.
+    input: Vec<f32>,
+    /// `a`: the bank's state, then `x` where the shortcut sees it.
+    memory: Vec<f32>,
+    hidden: Vec<f32>,
+    scratch: Vec<f32>,
+    latent: Vec<f32>,
+    readout: Vec<f32>,
+}
+
+impl InputScaling {
+    /// Keeps the first `count` inputs as they are, without limits.
+    pub fn identity(count: usize) -> Self {
+        Self {
+            keep: (0..count as u32).collect(),
+            scale: vec![1.0; count],
+            low: vec![f32::MIN; count],
+            high: vec![f32::MAX; count],
+        }
+    }
+    /// Outputs `D`.
+    pub fn outputs(&self) -> usize {
+        self.keep.len()
+    }
+    /// Writes `y [D]`; an input past the end of `x` counts as zero, and so does one that is not a number. Returns
+    /// how many were clipped.
+    pub fn apply(&self, x: &[f32], y: &mut [f32]) -> usize {
+        assert_eq!(y.len(), self.outputs(), "scaled inputs");
+        let mut clipped = 0;
+        for (i, y) in y.iter_mut().enumerate() {
+            let value = self.scale[i] * x.get(self.keep[i] as usize).copied().unwrap_or(0.0);
+            *y = if value.is_nan() { 0.0 } else { value }.clamp(self.low[i], self.high[i]);
+            clipped += usize::from(*y != value);
+        }
+        clipped
+    }
+}
+
+impl Regressor {
+    /// Scaled features `D`.
+    pub fn feature_count(&self) -> usize {
+        self.input.outputs()
+    }
+    /// Shape inputs `B`.
+    pub fn shape_count(&self) -> usize {
+        self.shape.outputs()
+    }
+    /// Latent numbers `L`.
+    pub fn latent_count(&self) -> usize {
+        self.shortcut.outputs()
+    }
+    /// Length `A` of what the shape terms multiply.
+    pub fn memory_count(&self) -> usize {
+        let bank = self.bank.as_ref().map_or(0, ResonatorBank::outputs);
+        bank + if self.sees_features() { self.feature_count() } else { 0 }
+    }
+    /// Whether `a` ends with `x`.
+    pub fn sees_features(&self) -> bool {
+        self.direct || self.bank.is_none()
+    }
+    /// Scaled shape `b [B]`.
+    pub fn scaled_shape(&self, beta: &[f32]) -> Vec<f32> {
+        let mut b = vec![0.0; self.shape_count()];
+        self.shape.apply(beta, &mut b);
+        b
+    }
+    /// Shape terms `phi [K]` of a scaled shape.
+    pub fn shape_factors(&self, b: &[f32]) -> Vec<f32> {
+        self.shape_terms
+            .iter()
+            .map(|powers| powers.iter().zip(b).map(|(p, b)| b.powi(i32::from(*p))).product())
+            .collect()
+    }
+
+    /// The state before the first frame, for one body.
+    pub fn start(&self, beta: &[f32]) -> RegressorState {
+        let (a, l) = (self.memory_count(), self.latent_count());
+        let b = self.scaled_shape(beta);
+        let factors = self.shape_factors(&b);
+        let mut shortcut = Matrix::zeros(l, a);
+        let mut bias = self.shortcut.bias.clone();
+        for row in 0..l {
+            let weights = self.shortcut.weight.row(row);
+            let (terms, rest) = weights.split_at(factors.len() * a);
+            for (factor, weights) in factors.iter().zip(terms.chunks_exact(a.max(1))) {
+                shortcut.row_mut(row).iter_mut().zip(weights).for_each(|(s, w)| *s += factor * w);
+            }
+            bias[row] += rest.iter().zip(&b).map(|(w, b)| w * b).sum::<f32>();
+        }
+        let width = self.recurrent.as_ref().map_or(0, |r| r.gru.width());
+        let mut input = vec![0.0; self.feature_count()];
+        input.extend(b);
+        RegressorState {
+            shortcut,
+            bias,
+            input,
+            memory: vec![0.0; a],
+            hidden: vec![0.0; width],
+            scratch: vec![0.0; 6 * width],
+            latent: vec![0.0; l],
+            readout: vec![0.0; l],
+        }
+    }
+
+    /// One frame: the descriptor's `features` in, [`RegressorState::latent`] out. Returns how many features were
+    /// clipped.
+    pub fn step(&self, features: &[f32], state: &mut RegressorState) -> usize {
+        let d = self.feature_count();
+        let clipped = self.input.apply(features, &mut state.input[..d]);
+        let x = &state.input[..d];
+        let bank = self.bank.as_ref().map_or(0, ResonatorBank::outputs);
+        let (bank_state, direct) = state.memory.split_at_mut(bank);
+        if let Some(bank) = &self.bank {
+            bank.step(x, bank_state);
+        }
+        if self.sees_features() {
+            direct.copy_from_slice(x);
+        }
+        state.shortcut.times(&state.memory, &mut state.latent);
+        state.latent.iter_mut().zip(&state.bias).for_each(|(z, b)| *z += b);
+        if let Some(Recurrent { gru, readout }) = &self.recurrent {
+            gru.step(&state.input, &mut state.hidden, &mut state.scratch);
+            readout.apply(&state.hidden, &mut state.readout);
+            state.latent.iter_mut().zip(&state.readout).for_each(|(z, r)| *z += r);
+        }
+        clipped
+    }
+}
+
+impl RegressorState {
+    /// The latent of the newest frame, `[L]`.
+    pub fn latent(&self) -> &[f32] {
+        &self.latent
+    }
+    /// Forgets the motion, not the body.
+    pub fn reset(&mut self) {
+        self.memory.fill(0.0);
+        self.hidden.fill(0.0);
+        self.latent.fill(0.0);
+    }
+    /// Whether memory and output are finite.
+    pub fn is_finite(&self) -> bool {
+        self.memory.iter().chain(&self.hidden).chain(&self.latent).all(|x| x.is_finite())
+    }
+}
