@@ -13,5 +13,5 @@ mod steps;
 
 pub use config::{DescriptorConfig, FeatureKind};
 pub use filter::LowPass;
-pub use scaling::FeatureBlock;
+pub use scaling::{FeatureBlock, FeatureScaling};
 pub use steps::{Descriptor, DescriptorError, DescriptorState};
