@@ -66,9 +66,8 @@ pub fn train_to_end(
         let step = run.steps_done;
         let stats = trainee.step(step)?;
         if !stats.loss.is_finite() {
-            trainee.load_state(&run.state)?;
-            let rolled_back_to = folder.newest()?.map_or(0, |c| c.steps_done);
             monitor.end();
+            let rolled_back_to = roll_back(trainee, folder, &run)?;
             return Err(TrainError::Diverged { stage: stage.into(), step, loss: stats.loss, rolled_back_to });
         }
         log.step(stage, step, &stats)?;
@@ -78,7 +77,13 @@ pub fn train_to_end(
             validate(stage, trainee, &mut run, log)?;
         }
         if !last && run.steps_done.is_multiple_of(config.checkpoint_every.max(1)) {
-            run.state = snapshot(trainee);
+            let state = snapshot(trainee);
+            if state.values().any(|array| array.data.iter().any(|x| !x.is_finite())) {
+                monitor.end();
+                let rolled_back_to = roll_back(trainee, folder, &run)?;
+                return Err(TrainError::Diverged { stage: stage.into(), step, loss: f64::NAN, rolled_back_to });
+            }
+            run.state = state;
             folder.save(&run)?;
         }
         let best = run.best.as_ref().map_or(f64::NAN, |b| b.1);
@@ -88,6 +93,16 @@ pub fn train_to_end(
     let (best_step, best_mm, state) = run.best.expect("validated at least once");
     trainee.load_state(&state)?;
     Ok(Finished { best_step, best_mm })
+}
+
+/// Puts the trainee back into the last saved state (the start, if none was saved) and sees that it is on disk.
+fn roll_back(trainee: &mut dyn Trainee, folder: &CheckpointFolder, run: &Checkpoint) -> Result<u64> {
+    trainee.load_state(&run.state)?;
+    if let Some(saved) = folder.newest()? {
+        return Ok(saved.steps_done);
+    }
+    folder.save(&Checkpoint { steps_done: 0, state: run.state.clone(), best: None })?;
+    Ok(0)
 }
 
 fn validate(stage: &str, trainee: &mut dyn Trainee, run: &mut Checkpoint, log: &RunLog) -> Result<()> {

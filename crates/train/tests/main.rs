@@ -1,0 +1,3 @@
+//! Integration tests of the training room.
+
+mod train_loop;
