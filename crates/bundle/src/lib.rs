@@ -13,6 +13,6 @@ mod subspace;
 
 pub use matrix::Matrix;
 pub use network::{Gru, Linear, ResidualUnit};
-pub use regressor::{InputScaling, Recurrent, Regressor, RegressorState};
+pub use regressor::{Recurrent, Regressor, RegressorState};
 pub use resonators::{Resonator, ResonatorBank};
 pub use subspace::{Decoder, DeltaBasis, Encoder, Subspace, SubspaceScratch};

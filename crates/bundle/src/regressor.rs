@@ -1,18 +1,5 @@
+use crate::descriptor::FeatureScaling;
 use crate::{Gru, Linear, Matrix, ResonatorBank};
-
-/// Chooses, scales and clips numbers: `y_i = clip(scale_i x[keep_i], low_i, high_i)`. The clip holds what a network
-/// sees inside what it was trained on.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct InputScaling {
-    /// Which inputs are kept, `[D]`, ascending.
-    pub keep: Vec<u32>,
-    /// Factor of each kept input, `[D]`.
-    pub scale: Vec<f32>,
-    /// Least value after scaling, `[D]`.
-    pub low: Vec<f32>,
-    /// Greatest value after scaling, `[D]`.
-    pub high: Vec<f32>,
-}
 
 /// What predicts the latent from the motion, frame by frame: a shortcut that is linear in the inputs (or in a bank
 /// of damped resonators driven by them) and, around it, a recurrent network (SoftSMPL sec. 5).
@@ -31,9 +18,9 @@ pub struct InputScaling {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Regressor {
     /// From the descriptor's features to `x`.
-    pub input: InputScaling,
+    pub input: FeatureScaling,
     /// From `beta` to `b`; a missing coefficient counts as zero.
-    pub shape: InputScaling,
+    pub shape: FeatureScaling,
     /// Exponents of each shape term, `[K]` rows of at most `B`; the constant term is an empty row.
     pub shape_terms: Vec<Vec<u8>>,
     /// Linear memory in front of the shortcut.
@@ -71,42 +58,14 @@ pub struct RegressorState {
     readout: Vec<f32>,
 }
 
-impl InputScaling {
-    /// Keeps the first `count` inputs as they are, without limits.
-    pub fn identity(count: usize) -> Self {
-        Self {
-            keep: (0..count as u32).collect(),
-            scale: vec![1.0; count],
-            low: vec![f32::MIN; count],
-            high: vec![f32::MAX; count],
-        }
-    }
-    /// Outputs `D`.
-    pub fn outputs(&self) -> usize {
-        self.keep.len()
-    }
-    /// Writes `y [D]`; an input past the end of `x` counts as zero, and so does one that is not a number. Returns
-    /// how many were clipped.
-    pub fn apply(&self, x: &[f32], y: &mut [f32]) -> usize {
-        assert_eq!(y.len(), self.outputs(), "scaled inputs");
-        let mut clipped = 0;
-        for (i, y) in y.iter_mut().enumerate() {
-            let value = self.scale[i] * x.get(self.keep[i] as usize).copied().unwrap_or(0.0);
-            *y = if value.is_nan() { 0.0 } else { value }.clamp(self.low[i], self.high[i]);
-            clipped += usize::from(*y != value);
-        }
-        clipped
-    }
-}
-
 impl Regressor {
     /// Scaled features `D`.
     pub fn feature_count(&self) -> usize {
-        self.input.outputs()
+        self.input.len()
     }
     /// Shape inputs `B`.
     pub fn shape_count(&self) -> usize {
-        self.shape.outputs()
+        self.shape.len()
     }
     /// Latent numbers `L`.
     pub fn latent_count(&self) -> usize {
@@ -121,10 +80,12 @@ impl Regressor {
     pub fn sees_features(&self) -> bool {
         self.direct || self.bank.is_none()
     }
-    /// Scaled shape `b [B]`.
+    /// Scaled shape `b [B]`. Missing coefficients count as zero, surplus ones are ignored.
     pub fn scaled_shape(&self, beta: &[f32]) -> Vec<f32> {
+        let mut padded = beta.to_vec();
+        padded.resize(self.shape.input_size, 0.0);
         let mut b = vec![0.0; self.shape_count()];
-        self.shape.apply(beta, &mut b);
+        self.shape.apply(&padded, &mut b);
         b
     }
     /// Shape terms `phi [K]` of a scaled shape.
@@ -169,7 +130,7 @@ impl Regressor {
     /// clipped.
     pub fn step(&self, features: &[f32], state: &mut RegressorState) -> usize {
         let d = self.feature_count();
-        let clipped = self.input.apply(features, &mut state.input[..d]);
+        self.input.apply(features, &mut state.input[..d]);
         let x = &state.input[..d];
         let bank = self.bank.as_ref().map_or(0, ResonatorBank::outputs);
         let (bank_state, direct) = state.memory.split_at_mut(bank);
@@ -186,7 +147,14 @@ impl Regressor {
             readout.apply(&state.hidden, &mut state.readout);
             state.latent.iter_mut().zip(&state.readout).for_each(|(z, r)| *z += r);
         }
-        clipped
+        self.outside(features)
+    }
+
+    /// How many kept features lie outside their range in training.
+    fn outside(&self, features: &[f32]) -> usize {
+        let FeatureScaling { kept, lower, upper, .. } = &self.input;
+        let limits = kept.iter().zip(lower).zip(upper);
+        limits.filter(|((d, low), high)| !(**low..=**high).contains(&features[**d as usize])).count()
     }
 }
 
