@@ -1,0 +1,34 @@
+use crate::{MethodError, Result};
+use softtissue_clips::MotionClip;
+use softtissue_geometry::Frames;
+
+/// Anything that predicts soft tissue from a motion: a learned model, a baseline, a player of bundles.
+/// Evaluation knows it by this trait alone.
+pub trait Method: Sync {
+    /// Name in `metrics.json`, e.g. `softtissue` or `ar2-subject`; a variant follows a slash.
+    fn name(&self) -> &str;
+    /// Free rollout from zero state: deltas `[T, V, 3]` in metres, one frame for every frame of `motion`.
+    /// `subject` names the person for methods that were fitted to one, `beta` is the shape.
+    fn rollout(&self, subject: &str, beta: &[f32], motion: &MotionClip) -> Result<Frames, MethodError>;
+}
+
+/// The zero baseline: the body model alone, `D = 0`.
+pub struct BodyAlone {
+    /// Vertices `V`.
+    pub vertex_count: usize,
+}
+
+impl Method for BodyAlone {
+    fn name(&self) -> &str {
+        "body"
+    }
+    fn rollout(&self, _: &str, _: &[f32], motion: &MotionClip) -> Result<Frames, MethodError> {
+        Ok(Frames::zeros(self.vertex_count, motion.len()))
+    }
+}
+
+/// Something that reconstructs deltas from a few numbers a frame: PCA or an autoencoder at one latent size.
+pub trait Codec: Sync {
+    /// Encodes and decodes every frame of `[T, V, 3]` deltas in metres.
+    fn reconstruct(&self, deltas: &Frames) -> Result<Frames, MethodError>;
+}
