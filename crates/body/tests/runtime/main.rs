@@ -1,0 +1,7 @@
+//! The body at run time: skinning, its inverse, derivatives and mirroring.
+
+mod derivative;
+mod golden;
+mod mirror;
+mod reference;
+mod unposing;
