@@ -1,1 +1,18 @@
-//! The customs office: foreign files to ours, with provenance and limits.
+//! The customs office: the only room that reads foreign formats. Everything that comes in is checked against
+//! [`ImportLimits`] before memory is taken for it, and leaves as clips of ours.
+//!
+//! So far: OBJ sequences in a known template topology ([`import_obj_sequences`]), and single OBJ meshes whose
+//! vertex order does not matter ([`read_mesh`]).
+
+mod error;
+mod natural;
+mod obj;
+mod sequence;
+
+pub use error::ImportError;
+pub use natural::natural_cmp;
+pub use obj::{ImportLimits, ObjFrame, read_mesh, read_obj_frame};
+pub use sequence::{SequenceConfig, Units, import_obj_sequences};
+
+/// Result of this crate.
+pub type Result<T> = std::result::Result<T, ImportError>;

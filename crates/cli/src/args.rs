@@ -1,0 +1,230 @@
+//! What the user typed, before it is checked.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Learns how flesh moves: from 4D scans of moving people to a small model that adds soft-tissue motion to
+/// any skeletal animation.
+#[derive(Debug, Parser)]
+#[command(name = "softtissue", version, about, long_about = None, propagate_version = true, max_term_width = 100)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+/// The verbs.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Make scans, fit, learn, evaluate, and write a bundle, a report and an animation.
+    Train(TrainArgs),
+    /// Judge a finished run on motions it has never seen.
+    Eval(EvalArgs),
+    /// Add soft tissue to a motion and write an animated glTF.
+    Animate(AnimateArgs),
+    /// Make 4D scans with known truth from code alone.
+    Synth(SynthArgs),
+    /// Fit shape and pose to scans and extract the soft-tissue deltas.
+    Fit(FitArgs),
+    /// Bring an OBJ sequence into our form.
+    Import(ImportArgs),
+    /// Say of a file or folder of ours what it is and what is wrong with it.
+    Inspect(InspectArgs),
+    /// Print, check or explain every setting.
+    Config(ConfigArgs),
+    /// Print shell completions.
+    Completions {
+        /// Which shell.
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page.
+    Man,
+}
+
+/// Settings shared by the verbs that read a configuration.
+#[derive(Debug, Args, Clone, Default)]
+pub struct Settings {
+    /// `quick`, `smoke`, `full`, `softsmpl-paper`, or a TOML file; default `quick`.
+    #[arg(long, value_name = "NAME|FILE")]
+    pub config: Option<String>,
+    /// Override one setting, e.g. `--set regressor.steps=500`; always wins; may be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Where tensors live: `flex` (CPU), `ndarray`, `wgpu`; the last two need their feature.
+    #[arg(long)]
+    pub device: Option<String>,
+    /// The one number all random draws come from.
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Where generated and imported clips are kept [default: data].
+    #[arg(long, value_name = "DIR")]
+    pub data_dir: Option<PathBuf>,
+    /// Say less.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// `train`.
+#[derive(Debug, Args)]
+pub struct TrainArgs {
+    /// Settings.
+    #[command(flatten)]
+    pub settings: Settings,
+    /// Train on these scans (a folder of ours or of OBJ sequences) and not on generated ones.
+    #[arg(long, value_name = "DIR")]
+    pub data: Option<PathBuf>,
+    /// The run folder [default: runs/CONFIG].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Go on with a run that was stopped.
+    #[arg(long)]
+    pub resume: bool,
+    /// Say what would be done, and do nothing.
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Print the result as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Do not evaluate, and write no report.
+    #[arg(long)]
+    pub no_eval: bool,
+}
+
+/// Ways of leaving clips out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Protocol {
+    /// Judge the run on its held-out clips.
+    HeldOut,
+    /// Train again without each motion in turn.
+    LeaveOneSequenceOut,
+    /// Train again without each subject in turn.
+    LeaveOneSubjectOut,
+}
+
+/// `eval`.
+#[derive(Debug, Args)]
+pub struct EvalArgs {
+    /// The run folder.
+    pub run: PathBuf,
+    /// How clips are left out.
+    #[arg(long, value_enum, default_value = "held-out")]
+    pub protocol: Protocol,
+    /// Which folds, by motion or subject, separated by commas; `all` for every one.
+    #[arg(long, value_name = "NAMES")]
+    pub folds: Option<String>,
+    /// Print the measures as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Say less.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// `animate`.
+#[derive(Debug, Args)]
+pub struct AnimateArgs {
+    /// The bundle folder.
+    #[arg(long, value_name = "DIR")]
+    pub bundle: PathBuf,
+    /// A motion clip, or `synth:NAME` for a generated motion.
+    #[arg(long)]
+    pub motion: String,
+    /// Shape coefficients separated by commas; default: the mean shape.
+    #[arg(long, value_name = "B0,B1,...", allow_hyphen_values = true)]
+    pub shape: Option<String>,
+    /// Overall gain of the soft-tissue displacement; 0 gives the body alone.
+    #[arg(long, default_value_t = 1.0, allow_hyphen_values = true)]
+    pub gain: f32,
+    /// The file to write: `.glb`, or a folder for an OBJ sequence.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Frames of a generated motion.
+    #[arg(long, default_value_t = 180)]
+    pub frames: usize,
+}
+
+/// `synth`.
+#[derive(Debug, Args)]
+pub struct SynthArgs {
+    /// Settings.
+    #[command(flatten)]
+    pub settings: Settings,
+    /// The folder to write [default: data/cache/FINGERPRINT].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// `fit`.
+#[derive(Debug, Args)]
+pub struct FitArgs {
+    /// Settings.
+    #[command(flatten)]
+    pub settings: Settings,
+    /// A scan set.
+    pub scans: PathBuf,
+    /// The folder to write.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// `import`.
+#[derive(Debug, Args)]
+pub struct ImportArgs {
+    /// A folder `SUBJECT/MOTION/*.obj`, every frame in one template topology.
+    pub source: PathBuf,
+    /// The scan set to write.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Frames a second of the sequences.
+    #[arg(long, default_value_t = 60.0)]
+    pub fps: f32,
+    /// Unit of the coordinates.
+    #[arg(long, value_enum, default_value = "metres")]
+    pub units: LengthUnit,
+    /// Settings (for the body whose topology the frames must have).
+    #[command(flatten)]
+    pub settings: Settings,
+}
+
+/// Units on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum LengthUnit {
+    /// Metres.
+    Metres,
+    /// Centimetres.
+    Centimetres,
+    /// Millimetres.
+    Millimetres,
+}
+
+/// `inspect`.
+#[derive(Debug, Args)]
+pub struct InspectArgs {
+    /// A clip, a set of clips, a run, a bundle or a mesh.
+    pub path: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `config`.
+#[derive(Debug, Args)]
+pub struct ConfigArgs {
+    /// Settings.
+    #[command(flatten)]
+    pub settings: Settings,
+    /// What to do with them.
+    #[arg(value_enum, default_value = "print")]
+    pub action: ConfigAction,
+}
+
+/// What `config` does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ConfigAction {
+    /// Print the resolved settings as TOML.
+    Print,
+    /// Check them and say nothing if they are fine.
+    Check,
+    /// Print every setting with its meaning.
+    Explain,
+}

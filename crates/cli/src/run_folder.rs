@@ -1,0 +1,78 @@
+//! The folder of one run: who holds it, where everything lies.
+
+use crate::exit::{InputError, UsageError};
+use anyhow::{Context, Result};
+use softtissue_store::{StoreError, create_dir};
+use std::fs::{File, OpenOptions};
+use std::path::{Path, PathBuf};
+
+/// A run folder, held by this process alone until dropped.
+pub struct RunFolder {
+    root: PathBuf,
+    _lock: File,
+}
+
+impl RunFolder {
+    /// Creates or opens the folder and locks it. A folder that holds a run already is an error unless `resume`.
+    pub fn take(root: &Path, resume: bool) -> Result<Self> {
+        if root.exists() && !root.is_dir() {
+            return Err(UsageError(format!("{} is a file; --out names a folder", root.display())).into());
+        }
+        let has_run = root.join("config.toml").exists();
+        if has_run && !resume {
+            return Err(UsageError(format!(
+                "{} holds a run already: pass --resume to go on with it, or another --out",
+                root.display()
+            ))
+            .into());
+        }
+        if resume && !has_run {
+            return Err(InputError(format!("{} holds no run to resume", root.display())).into());
+        }
+        create_dir(root)?;
+        let path = root.join("run.lock");
+        let lock = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(&path)
+            .map_err(|e| StoreError::io("write", &path, e))?;
+        if lock.try_lock().is_err() {
+            return Err(UsageError(format!(
+                "{} is in use by another softtissue; wait for it or choose another --out",
+                root.display()
+            ))
+            .into());
+        }
+        Ok(Self { root: root.to_owned(), _lock: lock })
+    }
+
+    /// The folder.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+    /// Checkpoints of a stage.
+    pub fn checkpoints(&self, stage: &str) -> PathBuf {
+        self.root.join("checkpoints").join(stage)
+    }
+    /// The result of a stage.
+    pub fn stage(&self, stage: &str) -> PathBuf {
+        self.root.join("stages").join(format!("{stage}.safetensors"))
+    }
+    /// The bundle.
+    pub fn bundle(&self) -> PathBuf {
+        self.root.join("bundle")
+    }
+    /// The report.
+    pub fn report(&self) -> PathBuf {
+        self.root.join("report").join("index.html")
+    }
+    /// The measures.
+    pub fn metrics(&self) -> PathBuf {
+        self.root.join("metrics.json")
+    }
+    /// Writes a text file.
+    pub fn write_text(&self, name: &str, text: &str) -> Result<()> {
+        softtissue_store::write_atomic(&self.root.join(name), |w| w.write_all(text.as_bytes())).context("the run folder cannot be written")
+    }
+}
