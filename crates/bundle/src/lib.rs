@@ -4,15 +4,25 @@
 //! frame), [`Subspace`] (latent to deltas) and the [`descriptor`] (poses to features). This room may use geometry
 //! and body only; it must never know the framework, training or the body's generator.
 
+mod bundle;
 pub mod descriptor;
+mod error;
 mod matrix;
 mod network;
+mod player;
+mod posing;
 mod regressor;
 mod resonators;
 mod subspace;
 
+pub use bundle::{Bundle, BundleInfo, SelfCheck};
+pub use error::BundleError;
 pub use matrix::Matrix;
 pub use network::{Gru, Linear, ResidualUnit};
+pub use player::{Player, RolloutReport, StepReport};
 pub use regressor::{Recurrent, Regressor, RegressorState};
 pub use resonators::{Resonator, ResonatorBank};
 pub use subspace::{Decoder, DeltaBasis, Encoder, Subspace, SubspaceScratch};
+
+/// Result of this crate.
+pub type Result<T> = std::result::Result<T, BundleError>;

@@ -10,7 +10,7 @@ pub struct Matrix {
 /// fixed by the number, not by the machine.
 const LANES: usize = 8;
 
-/// Columns accumulated at a time by [`Matrix::add_transposed_times`]: 8 KiB, inside the first-level cache.
+/// Columns accumulated at a time by [`add_combination`]: 8 KiB, inside the first-level cache.
 const BLOCK: usize = 2048;
 
 impl Matrix {
@@ -56,17 +56,31 @@ impl Matrix {
         }
     }
 
-    /// `y += M^T x`; `x [rows]`, `y [cols]`. Rows are streamed once, zeros of `x` are skipped.
+    /// `y += M^T x`; `x [rows]`, `y [cols]`.
     pub fn add_transposed_times(&self, x: &[f32], y: &mut [f32]) {
         assert_eq!((x.len(), y.len()), (self.rows, self.cols), "transposed matrix times vector");
-        for (block, y) in y.chunks_mut(BLOCK).enumerate() {
-            let from = block * BLOCK;
-            for (r, x) in x.iter().enumerate().filter(|(_, x)| **x != 0.0) {
-                let row = &self.row(r)[from..from + y.len()];
-                for (y, m) in y.iter_mut().zip(row) {
-                    *y += m * x;
-                }
+        add_combination(&self.data, x, y);
+    }
+}
+
+/// `y += sum_r x_r row_r` for rows of the length of `y` that stand one after the other. Every row is streamed once,
+/// four together, so that a sum is loaded and stored once for four of them.
+pub(crate) fn add_combination(rows: &[f32], x: &[f32], y: &mut [f32]) {
+    let cols = y.len();
+    assert_eq!(rows.len(), cols * x.len(), "rows of a combination");
+    for (block, y) in y.chunks_mut(BLOCK).enumerate() {
+        let width = y.len();
+        let row = |r: usize| &rows[r * cols + block * BLOCK..][..width];
+        let (groups, rest) = x.as_chunks::<4>();
+        for (g, &[p, q, r, s]) in groups.iter().enumerate() {
+            let (a, b, c, d) = (row(4 * g), row(4 * g + 1), row(4 * g + 2), row(4 * g + 3));
+            for i in 0..width {
+                y[i] += (p * a[i] + q * b[i]) + (r * c[i] + s * d[i]);
             }
+        }
+        for (k, x) in rest.iter().enumerate() {
+            let a = row(4 * groups.len() + k);
+            y.iter_mut().zip(a).for_each(|(y, a)| *y += x * a);
         }
     }
 }

@@ -1,0 +1,303 @@
+use crate::descriptor::{Descriptor, DescriptorState};
+use crate::posing::Posing;
+use crate::{Bundle, BundleError, RegressorState, Result, SubspaceScratch};
+use glam::Vec3;
+use softtissue_body::{Pose, ShapedBody};
+use softtissue_geometry::Frames;
+use std::collections::VecDeque;
+use std::ops::Deref;
+
+/// A root that moves faster than this between two frames was set down elsewhere, m/s.
+const TELEPORT_SPEED: f32 = 30.0;
+/// A rotation vector longer than this many radians, or a root further away than [`FARTHEST`], is no pose.
+const LONGEST_ROTATION: f32 = 1e3;
+/// Farthest root, metres: beyond it f32 positions are coarser than the motion of flesh.
+const FARTHEST: f32 = 1e5;
+
+/// Runs a bundle on one body, frame by frame. `B` is `&Bundle`, `Arc<Bundle>` or a box.
+///
+/// Whatever the input, the output is finite: an unusable pose is replaced by the last good one, a teleport of the
+/// root leaves the flesh alone, and features outside their range in training are clipped to it.
+/// [`Player::step`] allocates nothing.
+pub struct Player<B: Deref<Target = Bundle>> {
+    bundle: B,
+    shaped: ShapedBody,
+    descriptor: Descriptor,
+    descriptor_state: DescriptorState,
+    regressor_state: RegressorState,
+    scratch: SubspaceScratch,
+    posing: Posing,
+    /// Whether `posing` holds the frame that is shown.
+    posed: bool,
+    features: Vec<f32>,
+    deltas: Vec<Vec3>,
+    vertices: Vec<Vec3>,
+    input: HeldPose,
+    shown: HeldPose,
+    /// Poses that wait for their features, where the model looks ahead; as many as it looks ahead.
+    waiting: VecDeque<HeldPose>,
+    /// What teleports have moved the root by: the motion is read as if they had not happened.
+    teleported: Vec3,
+    last_move: Vec3,
+    frames: u64,
+}
+
+/// A copy of a pose.
+#[derive(Clone, Debug)]
+struct HeldPose {
+    rotations: Vec<Vec3>,
+    /// As given, teleports included.
+    translation: Vec3,
+    /// Teleports up to here.
+    teleported: Vec3,
+}
+
+/// What a step had to do to stay sane.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StepReport {
+    /// The pose was unusable (not finite, absurdly large, or of another number of joints): the last good one stands in.
+    pub pose_held: bool,
+    /// The root jumped; the jump was not taken for motion.
+    pub teleported: bool,
+    /// Features outside their range in training, clipped to it.
+    pub features_clipped: usize,
+    /// The state was no longer finite and the motion started over.
+    pub restarted: bool,
+    /// No delta yet: the model looks ahead and has not seen far enough.
+    pub waiting: bool,
+}
+
+impl HeldPose {
+    fn rest(joints: usize) -> Self {
+        Self { rotations: vec![Vec3::ZERO; joints], translation: Vec3::ZERO, teleported: Vec3::ZERO }
+    }
+    /// Copies without allocating.
+    fn set(&mut self, other: &Self) {
+        self.rotations.copy_from_slice(&other.rotations);
+        (self.translation, self.teleported) = (other.translation, other.teleported);
+    }
+    /// With the root where it would be without teleports.
+    fn steady(&self) -> Pose<'_> {
+        Pose { rotations: &self.rotations, translation: self.translation - self.teleported }
+    }
+}
+
+impl<B: Deref<Target = Bundle>> Player<B> {
+    /// A player of a body of shape `beta` at rest. Missing coefficients count as zero, surplus ones are ignored.
+    pub fn new(bundle: B, beta: &[f32]) -> Result<Self> {
+        if let Some(i) = beta.iter().position(|b| !b.is_finite()) {
+            return Err(BundleError::Input(format!("shape coefficient {i} as {}; give finite numbers", beta[i])));
+        }
+        let shaped = bundle.body.shaped(beta);
+        let modes = bundle.subspace.basis.directions.data();
+        let descriptor = Descriptor::new(&bundle.descriptor, &bundle.body, Some(modes))?;
+        if descriptor.len() != bundle.regressor.input.input_size {
+            let (found, expected) = (descriptor.len(), bundle.regressor.input.input_size);
+            return Err(BundleError::Input(format!(
+                "a bundle whose descriptor makes {found} features where its regressor takes {expected}; export it again"
+            )));
+        }
+        let (v, j) = (bundle.body.vertex_count(), bundle.body.joint_count());
+        let look_ahead = bundle.descriptor.look_ahead;
+        Ok(Self {
+            descriptor_state: descriptor.state(),
+            regressor_state: bundle.regressor.start(beta),
+            scratch: bundle.subspace.scratch(),
+            posing: Posing::new(&bundle.body),
+            posed: false,
+            features: vec![0.0; descriptor.len()],
+            deltas: vec![Vec3::ZERO; v],
+            vertices: vec![Vec3::ZERO; v],
+            input: HeldPose::rest(j),
+            shown: HeldPose::rest(j),
+            waiting: std::iter::repeat_n(HeldPose::rest(j), look_ahead).collect(),
+            teleported: Vec3::ZERO,
+            last_move: Vec3::ZERO,
+            frames: 0,
+            shaped,
+            descriptor,
+            bundle,
+        })
+    }
+
+    /// What is played.
+    pub fn bundle(&self) -> &Bundle {
+        &self.bundle
+    }
+    /// The body at its shape.
+    pub fn shaped(&self) -> &ShapedBody {
+        &self.shaped
+    }
+    /// Frames between a pose and its deltas, where the model looks ahead.
+    pub fn delay_frames(&self) -> usize {
+        self.bundle.descriptor.look_ahead
+    }
+
+    /// Forgets the motion: the next pose is a first one.
+    pub fn reset(&mut self) {
+        self.descriptor_state = self.descriptor.state();
+        self.regressor_state.reset();
+        self.input = HeldPose::rest(self.input.rotations.len());
+        self.shown.clone_from(&self.input);
+        self.deltas.fill(Vec3::ZERO);
+        (self.teleported, self.last_move) = (Vec3::ZERO, Vec3::ZERO);
+        (self.frames, self.posed) = (0, false);
+    }
+
+    /// One frame of the bundle's rate. The deltas are those of this pose, or of the pose [`Player::delay_frames`] ago.
+    pub fn step(&mut self, pose: Pose) -> StepReport {
+        let mut report = StepReport::default();
+        self.accept(pose, &mut report);
+        self.posing.run(&self.bundle.body, &self.shaped, self.input.steady());
+        self.posed = true;
+        let Posing { transforms, skinned, .. } = &self.posing;
+        self.descriptor.step(&mut self.descriptor_state, self.input.steady(), transforms, skinned, &mut self.features);
+        self.frames += 1;
+        if let Some(mut oldest) = self.waiting.pop_front() {
+            report.waiting = self.frames <= self.delay_frames() as u64;
+            // While it waits there is nothing to show but the first pose.
+            if !report.waiting {
+                self.shown.set(&oldest);
+            } else if self.frames == 1 {
+                self.shown.set(&self.input);
+            }
+            oldest.set(&self.input);
+            self.waiting.push_back(oldest);
+            self.posed = false;
+            if report.waiting {
+                return report;
+            }
+        } else {
+            self.shown.set(&self.input);
+        }
+        self.infer(&mut report);
+        report
+    }
+
+    /// Deltas of the rest mesh, `[V]`, metres.
+    pub fn deltas(&self) -> &[Vec3] {
+        &self.deltas
+    }
+    /// The latent behind the deltas, `[L]`.
+    pub fn latent(&self) -> &[f32] {
+        self.regressor_state.latent()
+    }
+    /// Posed vertices with deltas, `[V]`, metres.
+    pub fn vertices(&mut self) -> &[Vec3] {
+        if !self.posed {
+            self.posing.run(&self.bundle.body, &self.shaped, self.shown.steady());
+            self.posed = true;
+        }
+        self.posing.add_deltas(&self.deltas, self.shown.teleported, &mut self.vertices);
+        &self.vertices
+    }
+
+    /// A whole motion from its start: rotations `[T, J]`, radians, and translations `[T]`, metres. `show` is called for
+    /// each frame in order, look-ahead taken out. Returns what the steps had to do.
+    pub fn play(
+        &mut self,
+        rotations: &Frames,
+        translations: &[Vec3],
+        mut show: impl FnMut(usize, &mut Self),
+    ) -> Result<RolloutReport> {
+        let (frames, joints) = (translations.len(), self.input.rotations.len());
+        if rotations.len() != frames || rotations.points_per_frame() != joints {
+            return Err(BundleError::Input(format!(
+                "{} frames of {} joints with {frames} root translations, expected as many of each and {joints} joints",
+                rotations.len(),
+                rotations.points_per_frame()
+            )));
+        }
+        self.reset();
+        let delay = self.delay_frames();
+        let mut sum = RolloutReport { frames, ..Default::default() };
+        for t in 0..frames {
+            let report = self.step(Pose { rotations: rotations.frame(t), translation: translations[t] });
+            sum.add(&report);
+            if !report.waiting {
+                show(t - delay, self);
+            }
+        }
+        // The newest features last for the frames that still wait.
+        for t in frames.saturating_sub(delay)..frames {
+            self.shown.set(&self.waiting[delay + t - frames]);
+            self.posed = false;
+            let mut report = StepReport::default();
+            self.infer(&mut report);
+            sum.add(&report);
+            show(t, self);
+        }
+        Ok(sum)
+    }
+
+    /// Deltas `[T, V]` of a whole motion from its start.
+    pub fn rollout(&mut self, rotations: &Frames, translations: &[Vec3]) -> Result<Frames> {
+        let mut frames = Frames::new(self.deltas.len());
+        self.play(rotations, translations, |_, player| frames.push(player.deltas()))?;
+        Ok(frames)
+    }
+    /// Posed vertices with deltas `[T, V]` of a whole motion from its start.
+    pub fn rollout_vertices(&mut self, rotations: &Frames, translations: &[Vec3]) -> Result<Frames> {
+        let mut frames = Frames::new(self.deltas.len());
+        self.play(rotations, translations, |_, player| frames.push(player.vertices()))?;
+        Ok(frames)
+    }
+
+    /// Takes a usable pose over; tells teleports from motion.
+    fn accept(&mut self, pose: Pose, report: &mut StepReport) {
+        let usable = pose.rotations.len() == self.input.rotations.len()
+            && pose.rotations.iter().all(|w| w.length() <= LONGEST_ROTATION)
+            && pose.translation.length() <= FARTHEST;
+        if !usable {
+            report.pose_held = true;
+            return;
+        }
+        if self.frames > 0 {
+            let moved = pose.translation - self.input.translation;
+            if moved.length() * self.bundle.descriptor.fps > TELEPORT_SPEED {
+                self.teleported += moved - self.last_move;
+                report.teleported = true;
+            } else {
+                self.last_move = moved;
+            }
+        }
+        self.input.rotations.copy_from_slice(pose.rotations);
+        (self.input.translation, self.input.teleported) = (pose.translation, self.teleported);
+    }
+
+    /// From features to deltas.
+    fn infer(&mut self, report: &mut StepReport) {
+        report.features_clipped = self.bundle.regressor.step(&self.features, &mut self.regressor_state);
+        let delta = bytemuck::cast_slice_mut(&mut self.deltas);
+        self.bundle.subspace.decode(self.regressor_state.latent(), delta, &mut self.scratch);
+        if !self.regressor_state.is_finite() || !self.deltas.iter().all(|d| d.is_finite()) {
+            self.regressor_state.reset();
+            self.deltas.fill(Vec3::ZERO);
+            report.restarted = true;
+        }
+    }
+}
+
+/// The sum of the steps' reports over a motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RolloutReport {
+    /// Frames played.
+    pub frames: usize,
+    /// Frames whose pose was held.
+    pub poses_held: usize,
+    /// Teleports.
+    pub teleports: usize,
+    /// Frames with clipped features.
+    pub frames_clipped: usize,
+    /// Times the state started over.
+    pub restarts: usize,
+}
+
+impl RolloutReport {
+    fn add(&mut self, step: &StepReport) {
+        self.poses_held += usize::from(step.pose_held);
+        self.teleports += usize::from(step.teleported);
+        self.frames_clipped += usize::from(step.features_clipped > 0);
+        self.restarts += usize::from(step.restarted);
+    }
+}
