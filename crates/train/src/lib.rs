@@ -3,16 +3,32 @@
 //! A [`Trainee`] computes steps; [`train_to_end`] drives one: it logs, validates, saves, rolls back, stops.
 //! Every random draw comes from a counter, so a stopped and resumed run gives the bytes of an unbroken one.
 
+mod adam;
+mod bptt;
 mod checkpoint;
+pub mod device;
 mod error;
 mod log;
+pub mod losses;
+pub mod parity;
+mod regressor_step;
+mod schedule;
+mod stage;
+mod subspace_step;
 mod tensorboard;
 mod train_loop;
 mod trainee;
+mod vertex_error;
 
+pub use adam::{Adam, AdamConfig, GradientMap, load_module, module_gradients, module_state};
+pub use bptt::GruTrace;
 pub use checkpoint::{Checkpoint, CheckpointFolder};
 pub use error::TrainError;
 pub use log::RunLog;
+pub use regressor_step::{LossSpace, MotionSequence, RegressorTrainee, RegressorTraining, Shortcut};
+pub use schedule::cosine;
+pub use stage::{Clips, Stage};
+pub use subspace_step::{DeltaFrames, DeltaSurface, SubspaceTrainee, SubspaceTraining};
 pub use tensorboard::EventWriter;
 pub use train_loop::{Finished, LoopConfig, train_to_end};
 pub use trainee::{NamedArray, State, StepStats, Trainee};
