@@ -73,6 +73,7 @@ impl RunFolder {
     }
     /// Writes a text file.
     pub fn write_text(&self, name: &str, text: &str) -> Result<()> {
-        softtissue_store::write_atomic(&self.root.join(name), |w| w.write_all(text.as_bytes())).context("the run folder cannot be written")
+        softtissue_store::write_atomic(&self.root.join(name), |w| w.write_all(text.as_bytes()))
+            .context("the run folder cannot be written")
     }
 }

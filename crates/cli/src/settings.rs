@@ -29,7 +29,8 @@ pub fn resolve(settings: &Settings) -> Result<(String, Config)> {
     for assignment in &settings.set {
         set(&mut table, assignment)?;
     }
-    let mut config: Config = Value::Table(table).try_into().map_err(|e| usage(format!("{wanted}: {}", one_line(&e))))?;
+    let mut config: Config =
+        Value::Table(table).try_into().map_err(|e| usage(format!("{wanted}: {}", one_line(&e))))?;
     if let Some(seed) = settings.seed {
         config.seed = seed;
     }
@@ -41,8 +42,9 @@ pub fn resolve(settings: &Settings) -> Result<(String, Config)> {
 }
 
 fn read_file(path: &Path) -> Result<(String, String)> {
-    let bytes = softtissue_store::read_limited(path, LARGEST_FILE)
-        .with_context(|| format!("--config takes quick, smoke, full, softsmpl-paper or a file, not {}", path.display()))?;
+    let bytes = softtissue_store::read_limited(path, LARGEST_FILE).with_context(|| {
+        format!("--config takes quick, smoke, full, softsmpl-paper or a file, not {}", path.display())
+    })?;
     let text = String::from_utf8(bytes).map_err(|_| usage(format!("{} is no UTF-8 text", path.display())))?;
     let name = path.file_stem().map_or_else(|| "run".into(), |s| s.to_string_lossy().into_owned());
     Ok((name, text))
@@ -50,10 +52,16 @@ fn read_file(path: &Path) -> Result<(String, String)> {
 
 /// Applies `a.b=c`: `c` is read as a TOML value, or as a text where it is none.
 fn set(table: &mut Table, assignment: &str) -> Result<()> {
-    let (key, value) = assignment.split_once('=').ok_or_else(|| usage(format!("--set takes KEY=VALUE, not {assignment:?}")))?;
-    let value = format!("x = {value}").parse::<Table>().ok().and_then(|mut t| t.remove("x")).unwrap_or_else(|| Value::String(value.to_owned()));
+    let (key, value) =
+        assignment.split_once('=').ok_or_else(|| usage(format!("--set takes KEY=VALUE, not {assignment:?}")))?;
+    let value = format!("x = {value}")
+        .parse::<Table>()
+        .ok()
+        .and_then(|mut t| t.remove("x"))
+        .unwrap_or_else(|| Value::String(value.to_owned()));
     let mut path: Vec<&str> = key.trim().split('.').collect();
-    let last = path.pop().filter(|k| !k.is_empty()).ok_or_else(|| usage(format!("--set {assignment:?} names no setting")))?;
+    let last =
+        path.pop().filter(|k| !k.is_empty()).ok_or_else(|| usage(format!("--set {assignment:?} names no setting")))?;
     let mut at = table;
     for part in path {
         at = at

@@ -49,9 +49,11 @@ fn tell(line: &str) {
 
 impl Monitor for Terminal {
     fn begin(&self, part: &str, total: u64, unit: &'static str) {
-        let target = if self.is_terminal && !self.quiet { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let target =
+            if self.is_terminal && !self.quiet { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(total), target);
-        let template = format!("  {{prefix:<16}} {{bar:28}} {{pos}}/{{len}} {unit} {{elapsed}} (ETA {{eta}}) {{wide_msg}}");
+        let template =
+            format!("  {{prefix:<16}} {{bar:28}} {{pos}}/{{len}} {unit} {{elapsed}} (ETA {{eta}}) {{wide_msg}}");
         if let Ok(style) = ProgressStyle::with_template(&template) {
             bar.set_style(style.progress_chars("=> "));
         }

@@ -73,7 +73,10 @@ impl MotionClip {
         let rotations = frames(&file, "rotations")?;
         let translations = file.f32("translations")?;
         if file.require_shape("translations", 2)? != [rotations.len(), 3] {
-            return Err(bad(path, format!("{} frames of rotations but translations of another count; make it again", rotations.len())));
+            return Err(bad(
+                path,
+                format!("{} frames of rotations but translations of another count; make it again", rotations.len()),
+            ));
         }
         check_finite(path, "translations", &translations, 3)?;
         let translations = translations.as_chunks::<3>().0.iter().map(|p| Vec3::from_array(*p)).collect();
@@ -124,7 +127,8 @@ fn open(kind: &str, path: &Path) -> Result<(TensorFile, ClipId, f32)> {
     if found != kind {
         return Err(bad(path, format!("it is a {found} clip, expected a {kind} clip")));
     }
-    let take = file.require_meta("take")?.parse().map_err(|_| bad(path, "its take is no number; make it again".into()))?;
+    let take =
+        file.require_meta("take")?.parse().map_err(|_| bad(path, "its take is no number; make it again".into()))?;
     let id = ClipId::new(file.require_meta("subject")?, file.require_meta("motion")?, take);
     if !id.is_valid() {
         return Err(bad(path, format!("its name {id} holds characters that no file name may; rename it")));
@@ -140,7 +144,10 @@ fn frames(file: &TensorFile, name: &str) -> Result<Frames> {
     let shape = file.require_shape(name, 3)?;
     let (t, v) = (shape[0], shape[1]);
     if t == 0 || v == 0 || shape[2] != 3 {
-        return Err(bad(file.path(), format!("{name} has shape {shape:?}, expected frames x points x 3 with at least one of each")));
+        return Err(bad(
+            file.path(),
+            format!("{name} has shape {shape:?}, expected frames x points x 3 with at least one of each"),
+        ));
     }
     let numbers = file.f32(name)?;
     check_finite(file.path(), name, &numbers, v * 3)?;
@@ -149,7 +156,15 @@ fn frames(file: &TensorFile, name: &str) -> Result<Frames> {
 
 fn check_finite(path: &Path, name: &str, numbers: &[f32], per_frame: usize) -> Result<()> {
     match numbers.iter().position(|x| !x.is_finite()) {
-        Some(i) => Err(bad(path, format!("{name} has {} in frame {}, point {}; mend the source", numbers[i], i / per_frame, i % per_frame / 3))),
+        Some(i) => Err(bad(
+            path,
+            format!(
+                "{name} has {} in frame {}, point {}; mend the source",
+                numbers[i],
+                i / per_frame,
+                i % per_frame / 3
+            ),
+        )),
         None => Ok(()),
     }
 }

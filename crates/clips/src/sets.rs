@@ -32,7 +32,10 @@ fn read_index(root: &Path, kind: &str) -> Result<Index> {
     let index: Index = read_json(&path)?;
     let bad = |reason: String| ClipError::Bad { path: path.clone(), reason };
     if index.schema != 1 || index.kind != kind {
-        return Err(bad(format!("it is a {} set of schema {}, expected a {kind} set of schema 1", index.kind, index.schema)));
+        return Err(bad(format!(
+            "it is a {} set of schema {}, expected a {kind} set of schema 1",
+            index.kind, index.schema
+        )));
     }
     if let Some(entry) = index.clips.iter().find(|c| !c.id.is_valid()) {
         return Err(bad(format!("its clip name {} holds characters that no file name may; rename it", entry.id)));
@@ -54,9 +57,16 @@ impl ScanSet {
         Ok(Self { root: root.to_owned(), index: read_index(root, "scan")? })
     }
     /// Closes a set whose clips are written: lists them.
-    pub fn finish(root: &Path, vertex_count: usize, topology: &str, provenance: serde_json::Value, mut clips: Vec<ClipEntry>) -> Result<Self> {
+    pub fn finish(
+        root: &Path,
+        vertex_count: usize,
+        topology: &str,
+        provenance: serde_json::Value,
+        mut clips: Vec<ClipEntry>,
+    ) -> Result<Self> {
         clips.sort_by(|a, b| a.id.cmp(&b.id));
-        let index = Index { schema: 1, kind: "scan".into(), vertex_count, topology: topology.into(), provenance, clips };
+        let index =
+            Index { schema: 1, kind: "scan".into(), vertex_count, topology: topology.into(), provenance, clips };
         write_json_atomic(&root.join("index.json"), &index)?;
         Ok(Self { root: root.to_owned(), index })
     }
@@ -106,7 +116,11 @@ impl ScanSet {
         if clip.vertices.points_per_frame() != self.index.vertex_count {
             return Err(ClipError::Bad {
                 path,
-                reason: format!("{} vertices, but the set has {}; make the set again", clip.vertices.points_per_frame(), self.index.vertex_count),
+                reason: format!(
+                    "{} vertices, but the set has {}; make the set again",
+                    clip.vertices.points_per_frame(),
+                    self.index.vertex_count
+                ),
             });
         }
         Ok(clip)
@@ -118,7 +132,11 @@ impl ScanSet {
         if path.exists() { MotionClip::read(&path).map(Some) } else { Ok(None) }
     }
     fn entry(&self, id: &ClipId) -> Result<&ClipEntry> {
-        self.index.clips.iter().find(|c| c.id == *id).ok_or_else(|| ClipError::NoClip { id: id.clone(), path: self.root.clone() })
+        self.index
+            .clips
+            .iter()
+            .find(|c| c.id == *id)
+            .ok_or_else(|| ClipError::NoClip { id: id.clone(), path: self.root.clone() })
     }
 }
 
@@ -215,7 +233,13 @@ impl FitSet {
         Ok(Self { root: root.to_owned(), index: read_index(root, "fit")? })
     }
     /// Closes a set whose clips and subjects are written.
-    pub fn finish(root: &Path, vertex_count: usize, topology: &str, provenance: serde_json::Value, mut clips: Vec<ClipEntry>) -> Result<Self> {
+    pub fn finish(
+        root: &Path,
+        vertex_count: usize,
+        topology: &str,
+        provenance: serde_json::Value,
+        mut clips: Vec<ClipEntry>,
+    ) -> Result<Self> {
         clips.sort_by(|a, b| a.id.cmp(&b.id));
         let index = Index { schema: 1, kind: "fit".into(), vertex_count, topology: topology.into(), provenance, clips };
         write_json_atomic(&root.join("index.json"), &index)?;

@@ -92,7 +92,9 @@ impl Split {
             }
         }
         if self.train.is_empty() {
-            return Err(error("no clip is left to train on; name fewer motions or subjects for test and validation".into()));
+            return Err(error(
+                "no clip is left to train on; name fewer motions or subjects for test and validation".into(),
+            ));
         }
         Ok(())
     }
@@ -114,7 +116,10 @@ mod tests {
     use super::*;
 
     fn clips() -> Vec<ClipId> {
-        ["hips", "punching", "one_leg_jump"].iter().flat_map(|m| [ClipId::new("a", *m, 0), ClipId::new("b", *m, 1)]).collect()
+        ["hips", "punching", "one_leg_jump"]
+            .iter()
+            .flat_map(|m| [ClipId::new("a", *m, 0), ClipId::new("b", *m, 1)])
+            .collect()
     }
 
     #[test]

@@ -14,7 +14,10 @@ impl Frames {
     }
     /// Takes `[T * V]` points. Panics if the length is no multiple of `points_per_frame`.
     pub fn from_points(points_per_frame: usize, points: Vec<Vec3>) -> Self {
-        assert!(points_per_frame > 0 && points.len().is_multiple_of(points_per_frame), "points do not fill whole frames");
+        assert!(
+            points_per_frame > 0 && points.len().is_multiple_of(points_per_frame),
+            "points do not fill whole frames"
+        );
         Self { points_per_frame, points }
     }
     /// `T` frames of zeros.

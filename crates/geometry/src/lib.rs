@@ -7,5 +7,7 @@ mod mesh;
 mod rotation;
 
 pub use frames::Frames;
-pub use mesh::{Adjacency, Mesh, Topology, TopologyError, face_normals, vertex_normals, signed_volume};
-pub use rotation::{axis_angle_from_rotation, left_jacobian, reflect_axis_angle_x, rotation_from_axis_angle, rotation_derivatives};
+pub use mesh::{Adjacency, Mesh, Topology, TopologyError, face_normals, signed_volume, vertex_normals};
+pub use rotation::{
+    axis_angle_from_rotation, left_jacobian, reflect_axis_angle_x, rotation_derivatives, rotation_from_axis_angle,
+};

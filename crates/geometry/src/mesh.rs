@@ -79,8 +79,12 @@ impl Topology {
 
     /// Undirected edges, each once, smaller index first, sorted.
     pub fn edges(&self) -> Vec<[u32; 2]> {
-        let mut edges: Vec<[u32; 2]> =
-            self.faces.iter().flat_map(|f| [[f[0], f[1]], [f[1], f[2]], [f[2], f[0]]]).map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        let mut edges: Vec<[u32; 2]> = self
+            .faces
+            .iter()
+            .flat_map(|f| [[f[0], f[1]], [f[1], f[2]], [f[2], f[0]]])
+            .map(|[a, b]| [a.min(b), a.max(b)])
+            .collect();
         edges.sort_unstable();
         edges.dedup();
         edges
@@ -131,8 +135,7 @@ impl Adjacency {
     pub fn new(topology: &Topology) -> Self {
         let v = topology.vertex_count;
         let edges = topology.edges();
-        let (neighbour_start, neighbours) =
-            rows(v, edges.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
+        let (neighbour_start, neighbours) = rows(v, edges.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
         let (face_start, faces) =
             rows(v, topology.faces.iter().enumerate().flat_map(|(f, t)| t.map(|i| (i, f as u32))));
         Self { neighbour_start, neighbours, face_start, faces }

@@ -47,8 +47,13 @@ pub fn read_obj_frame(path: &Path, limits: &ImportLimits) -> Result<ObjFrame> {
         return Err(ImportError::file(path, "it holds no vertex (`v x y z`); is it a Wavefront OBJ file?"));
     }
     let count = frame.positions.len();
-    if let Some((f, i)) = frame.faces.iter().enumerate().find_map(|(f, c)| c.iter().find(|i| **i as usize >= count).map(|i| (f, *i))) {
-        return Err(ImportError::file(path, format!("face {} names vertex {} of {count}; export the mesh again", f + 1, i + 1)));
+    if let Some((f, i)) =
+        frame.faces.iter().enumerate().find_map(|(f, c)| c.iter().find(|i| **i as usize >= count).map(|i| (f, *i)))
+    {
+        return Err(ImportError::file(
+            path,
+            format!("face {} names vertex {} of {count}; export the mesh again", f + 1, i + 1),
+        ));
     }
     Ok(frame)
 }
@@ -81,7 +86,9 @@ impl Lines<'_> {
         let mut words = words(rest);
         for x in &mut xyz {
             let word = words.next().ok_or("a vertex needs three numbers")?;
-            *x = text(word).parse().map_err(|_| format!("{:?} is no number (write decimals with a point)", text(word)))?;
+            *x = text(word)
+                .parse()
+                .map_err(|_| format!("{:?} is no number (write decimals with a point)", text(word)))?;
             if !x.is_finite() {
                 return Err(format!("the coordinate {} is not finite; mend or drop the frame", text(word)));
             }
@@ -100,11 +107,16 @@ impl Lines<'_> {
                 return Err(format!("a face of more than {} corners", self.limits.face_corners));
             }
             let word = text(word);
-            let index: i64 = word.split('/').next().unwrap_or("").parse().map_err(|_| format!("{word:?} is no face corner"))?;
+            let index: i64 =
+                word.split('/').next().unwrap_or("").parse().map_err(|_| format!("{word:?} is no face corner"))?;
             let resolved = if index < 0 { self.frame.positions.len() as i64 + index } else { index - 1 };
             match u32::try_from(resolved) {
                 Ok(i) => corners.push(i),
-                Err(_) => return Err(format!("the vertex index {index} points outside the mesh (indices count from 1, or from -1 backwards)")),
+                Err(_) => {
+                    return Err(format!(
+                        "the vertex index {index} points outside the mesh (indices count from 1, or from -1 backwards)"
+                    ));
+                }
             }
         }
         if corners.len() < 3 {
@@ -138,7 +150,10 @@ pub fn read_mesh(path: &Path, limits: &ImportLimits) -> Result<Mesh> {
         faces.extend(model.mesh.indices.as_chunks::<3>().0.iter().map(|f| f.map(|i| i + base)));
     }
     if positions.is_empty() || positions.len() > limits.vertices || faces.len() > limits.faces {
-        return Err(ImportError::file(path, format!("{} vertices and {} faces are not between one and the limits", positions.len(), faces.len())));
+        return Err(ImportError::file(
+            path,
+            format!("{} vertices and {} faces are not between one and the limits", positions.len(), faces.len()),
+        ));
     }
     if let Some(v) = positions.iter().position(|p| !p.is_finite()) {
         return Err(ImportError::file(path, format!("vertex {} is not finite; mend the mesh", v + 1)));

@@ -55,7 +55,10 @@ pub fn import_obj_sequences(
     monitor: &dyn Monitor,
 ) -> Result<ScanSet> {
     if !(config.fps.is_finite() && config.fps > 0.0 && config.fps <= 1000.0) {
-        return Err(ImportError::file(source, format!("the rate {} is not between 0 and 1000 frames a second; pass --fps", config.fps)));
+        return Err(ImportError::file(
+            source,
+            format!("the rate {} is not between 0 and 1000 frames a second; pass --fps", config.fps),
+        ));
     }
     let sequences = find_sequences(source)?;
     monitor.begin("import", sequences.len() as u64, "clips");
@@ -72,7 +75,8 @@ pub fn import_obj_sequences(
         entries.push(ClipEntry { id, frames: clip.vertices.len(), fps: config.fps });
     }
     monitor.end();
-    let provenance = serde_json::json!({"source": "OBJ sequences", "units": config.units, "up": "y", "fps": config.fps});
+    let provenance =
+        serde_json::json!({"source": "OBJ sequences", "units": config.units, "up": "y", "fps": config.fps});
     Ok(ScanSet::finish(out, template.vertex_count, &template.hash(), provenance, entries)?)
 }
 
@@ -101,15 +105,29 @@ fn names(path: &Path) -> Result<Vec<(String, PathBuf)>> {
     Ok(entries.flatten().map(|e| (e.file_name().to_string_lossy().into_owned(), e.path())).collect())
 }
 
-fn read_sequence(folder: &Path, template: &Topology, edges: &HashSet<[u32; 2]>, config: &SequenceConfig) -> Result<Frames> {
+fn read_sequence(
+    folder: &Path,
+    template: &Topology,
+    edges: &HashSet<[u32; 2]>,
+    config: &SequenceConfig,
+) -> Result<Frames> {
     let is_obj = |name: &str| name.len() > 4 && name[name.len() - 4..].eq_ignore_ascii_case(".obj");
-    let mut files: Vec<(String, PathBuf)> =
-        names(folder)?.into_iter().filter(|(name, p)| name.is_char_boundary(name.len().saturating_sub(4)) && is_obj(name) && p.is_file()).collect();
+    let mut files: Vec<(String, PathBuf)> = names(folder)?
+        .into_iter()
+        .filter(|(name, p)| name.is_char_boundary(name.len().saturating_sub(4)) && is_obj(name) && p.is_file())
+        .collect();
     files.sort_by(|a, b| natural_cmp(&a.0, &b.0));
     match files.len() {
         0 => return Err(ImportError::file(folder, "it holds no frame (*.obj); remove the folder or add its frames")),
-        1 => return Err(ImportError::file(folder, "it holds one frame, which has no velocity; a clip needs at least two")),
-        n if n > config.limits.frames => return Err(ImportError::file(folder, format!("{n} frames are more than {}", config.limits.frames))),
+        1 => {
+            return Err(ImportError::file(
+                folder,
+                "it holds one frame, which has no velocity; a clip needs at least two",
+            ));
+        }
+        n if n > config.limits.frames => {
+            return Err(ImportError::file(folder, format!("{n} frames are more than {}", config.limits.frames)));
+        }
         _ => {}
     }
     let mut frames = Frames::new(template.vertex_count);
@@ -126,7 +144,13 @@ fn read_sequence(folder: &Path, template: &Topology, edges: &HashSet<[u32; 2]>, 
 fn check_topology(path: &Path, frame: &ObjFrame, template: &Topology, edges: &HashSet<[u32; 2]>) -> Result<()> {
     let count = frame.positions.len();
     if count != template.vertex_count {
-        return Err(ImportError::file(path, format!("{count} vertices, but the template has {}; register the scan to the template first", template.vertex_count)));
+        return Err(ImportError::file(
+            path,
+            format!(
+                "{count} vertices, but the template has {}; register the scan to the template first",
+                template.vertex_count
+            ),
+        ));
     }
     // Quads may be split along either diagonal, so polygons are compared by their border edges.
     for (f, corners) in frame.faces.iter().enumerate() {
@@ -135,7 +159,10 @@ fn check_topology(path: &Path, frame: &ObjFrame, template: &Topology, edges: &Ha
         if foreign > usize::from(corners.len() == 3) {
             return Err(ImportError::file(
                 path,
-                format!("face {} joins vertices that the template does not: same count, other connectivity; export in the template's vertex order", f + 1),
+                format!(
+                    "face {} joins vertices that the template does not: same count, other connectivity; export in the template's vertex order",
+                    f + 1
+                ),
             ));
         }
     }

@@ -11,7 +11,7 @@ mod error;
 mod hash;
 mod tensor_file;
 
-pub use atomic::{create_dir, write_atomic, write_json_atomic, read_json, read_limited};
+pub use atomic::{create_dir, read_json, read_limited, write_atomic, write_json_atomic};
 pub use error::StoreError;
 pub use hash::{Sha256, sha256_bytes, sha256_file};
 pub use tensor_file::{DType, Limits, TensorFile, TensorFileWriter};

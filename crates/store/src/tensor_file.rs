@@ -167,7 +167,10 @@ impl TensorFile {
         let mut file = File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
         if length > limits.file_bytes {
-            return Err(StoreError::Limit { path: path.to_owned(), reason: format!("{length} bytes, at most {}", limits.file_bytes) });
+            return Err(StoreError::Limit {
+                path: path.to_owned(),
+                reason: format!("{length} bytes, at most {}", limits.file_bytes),
+            });
         }
         let mut word = [0u8; 8];
         if length < 8 {
@@ -176,7 +179,9 @@ impl TensorFile {
         file.read_exact(&mut word).map_err(io)?;
         let header_bytes = u64::from_le_bytes(word);
         if header_bytes > limits.header_bytes || header_bytes > length - 8 {
-            return Err(bad(format!("its header claims {header_bytes} bytes of a {length}-byte file; it is truncated or no tensor file")));
+            return Err(bad(format!(
+                "its header claims {header_bytes} bytes of a {length}-byte file; it is truncated or no tensor file"
+            )));
         }
         let mut text = vec![0u8; header_bytes as usize];
         file.read_exact(&mut text).map_err(io)?;
@@ -206,7 +211,8 @@ impl TensorFile {
     }
     /// A text that must be there.
     pub fn require_meta(&self, key: &str) -> Result<&str> {
-        self.meta(key).ok_or_else(|| StoreError::corrupt(&self.path, format!("metadata {key:?} is missing; make it again")))
+        self.meta(key)
+            .ok_or_else(|| StoreError::corrupt(&self.path, format!("metadata {key:?} is missing; make it again")))
     }
     /// Type and shape of a tensor, if it is there.
     pub fn shape(&self, name: &str) -> Option<(DType, &[usize])> {
@@ -216,7 +222,10 @@ impl TensorFile {
     pub fn require_shape(&self, name: &str, rank: usize) -> Result<&[usize]> {
         let entry = self.entry(name)?;
         if entry.shape.len() != rank {
-            return Err(StoreError::corrupt(&self.path, format!("tensor {name:?} has shape {:?}, expected {rank} axes", entry.shape)));
+            return Err(StoreError::corrupt(
+                &self.path,
+                format!("tensor {name:?} has shape {:?}, expected {rank} axes", entry.shape),
+            ));
         }
         Ok(&entry.shape)
     }
@@ -244,12 +253,18 @@ impl TensorFile {
     pub fn bytes(&self, name: &str, dtype: DType, rows: Option<Range<usize>>) -> Result<Vec<u8>> {
         let entry = self.entry(name)?;
         if entry.dtype != dtype {
-            return Err(StoreError::corrupt(&self.path, format!("tensor {name:?} holds {:?}, expected {dtype:?}", entry.dtype)));
+            return Err(StoreError::corrupt(
+                &self.path,
+                format!("tensor {name:?} holds {:?}, expected {dtype:?}", entry.dtype),
+            ));
         }
         let [mut start, mut end] = entry.data_offsets;
         if let (Some(rows), Some(&count)) = (rows, entry.shape.first()) {
             if rows.end > count || rows.start > rows.end {
-                return Err(StoreError::corrupt(&self.path, format!("tensor {name:?} has {count} rows, asked for {rows:?}")));
+                return Err(StoreError::corrupt(
+                    &self.path,
+                    format!("tensor {name:?} has {count} rows, asked for {rows:?}"),
+                ));
             }
             let stride = if count == 0 { 0 } else { (end - start) / count as u64 };
             (start, end) = (start + rows.start as u64 * stride, start + rows.end as u64 * stride);
@@ -277,7 +292,10 @@ fn check_layout(entries: &BTreeMap<String, Entry>, data_bytes: u64) -> std::resu
         let bytes = elements.and_then(|n| n.checked_mul(entry.dtype.size() as u64));
         let [start, end] = entry.data_offsets;
         if bytes.is_none() || end < start || Some(end - start) != bytes {
-            return Err(format!("tensor {name:?} of shape {:?} claims bytes {start}..{end}; make it again", entry.shape));
+            return Err(format!(
+                "tensor {name:?} of shape {:?} claims bytes {start}..{end}; make it again",
+                entry.shape
+            ));
         }
         spans.push((start, end, name));
     }
@@ -285,7 +303,9 @@ fn check_layout(entries: &BTreeMap<String, Entry>, data_bytes: u64) -> std::resu
     let mut at = 0;
     for (start, end, name) in spans {
         if start != at {
-            return Err(format!("tensor {name:?} starts at byte {start}, expected {at}: offsets overlap or leave a gap"));
+            return Err(format!(
+                "tensor {name:?} starts at byte {start}, expected {at}: offsets overlap or leave a gap"
+            ));
         }
         at = end;
     }
@@ -336,7 +356,12 @@ mod tests {
     fn sample(dir: &Path) -> PathBuf {
         let path = dir.join("a.safetensors");
         let data: Vec<f32> = (0..6).map(|x| x as f32).collect();
-        TensorFileWriter::new().meta("kind", "test").f32("x", &[3, 2], &data).u32("i", &[2], &[7, 8]).write(&path).unwrap();
+        TensorFileWriter::new()
+            .meta("kind", "test")
+            .f32("x", &[3, 2], &data)
+            .u32("i", &[2], &[7, 8])
+            .write(&path)
+            .unwrap();
         path
     }
 
@@ -372,7 +397,10 @@ mod tests {
         for (header, says) in [
             (format!("{{{one},{one}}}"), "stands twice"),
             (format!(r#"{{{one},"b":{{"dtype":"F32","shape":[1],"data_offsets":[0,4]}}}}"#), "overlap"),
-            (r#"{"a":{"dtype":"F32","shape":[4294967296,4294967296],"data_offsets":[0,4]}}"#.to_owned(), "claims bytes"),
+            (
+                r#"{"a":{"dtype":"F32","shape":[4294967296,4294967296],"data_offsets":[0,4]}}"#.to_owned(),
+                "claims bytes",
+            ),
             (r#"{"a":{"dtype":"F99","shape":[1],"data_offsets":[0,4]}}"#.to_owned(), "broken"),
         ] {
             let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
