@@ -1,13 +1,21 @@
 //! Subspace, descriptor and regressor as trainable modules that turn themselves into a bundle.
 
 mod autoencoder;
+mod error;
 mod gru;
 mod layer;
+mod pca;
+mod predictor;
 mod regressor;
+mod training_clip;
 
 use softtissue_bundle as plain;
 
 pub use autoencoder::{Autoencoder, AutoencoderConfig, Decoder, Dropout, Encoder, ResidualUnit, power_of_two};
+pub use error::ModelError;
 pub use gru::{Gru, GruFrame, GruRollout};
 pub use layer::host;
+pub use pca::{DeltaSource, FrameSource, Pca, PcaConfig, coefficients_of, deltas_of, truncated};
+pub use predictor::Predictor;
 pub use regressor::{Regressor, RegressorConfig, ShortcutStart};
+pub use training_clip::TrainingClip;
