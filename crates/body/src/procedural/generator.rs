@@ -1,0 +1,286 @@
+use super::anatomy::Anatomy;
+use super::figure::{Figure, JOINTS};
+use super::joint_rows::{joint_rows, solve_symmetric};
+use super::parameters::{PARAMETERS, ShapeParameters, sample_people};
+use super::parts;
+use super::relax::{Net, fit_figure};
+use super::shape_space::{Scores, directions, mean, principal_scores};
+use super::subdivision::{SubdivisionMap, subdivide};
+use super::surface_nets::{Grid, QuadMesh, planes, surface_net, symmetric_planes};
+use super::weights::{dense_weights, mirrored_joint, skin_weights};
+use crate::{BodyError, BodyModel, Mirror, Result, Skeleton, UvAtlas};
+use glam::Vec3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use softtissue_geometry::Topology;
+use std::sync::Arc;
+
+/// What body to make.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProceduralConfig {
+    /// Subdivision level: 0 is about 1.7k vertices, 1 about 6.9k. Default 1.
+    pub level: u8,
+    /// People sampled for the shape space. Default 120; more cost time, fewer than 40 make it coarse.
+    pub people: usize,
+    /// Shape coefficients `S`. Default 10; beyond 10 they are mostly noise of the sampling.
+    pub shapes: usize,
+    /// Seed of the sampled people. Default 1.
+    pub seed: u64,
+}
+
+impl Default for ProceduralConfig {
+    fn default() -> Self {
+        Self { level: 1, people: 120, shapes: 10, seed: 1 }
+    }
+}
+
+/// A body and what lies under its skin.
+#[derive(Clone, Debug)]
+pub struct ProceduralBody {
+    /// The parametric body.
+    pub model: BodyModel,
+    /// Bones, fat, measures.
+    pub anatomy: Anatomy,
+}
+
+/// Both levels of one body.
+#[derive(Clone, Debug)]
+pub struct Levels {
+    /// Level 0.
+    pub coarse: ProceduralBody,
+    /// Level 1.
+    pub fine: ProceduralBody,
+    /// Lifts fields from level 0 to level 1.
+    pub subdivision: SubdivisionMap,
+}
+
+/// Makes the body at the level asked for.
+pub fn generate(config: &ProceduralConfig) -> Result<ProceduralBody> {
+    match config.level {
+        0 => Ok(Coarse::new(config)?.finish()?.0),
+        1 => Ok(generate_levels(config)?.fine),
+        level => Err(BodyError::Generator(format!("level {level} does not exist, choose 0 or 1"))),
+    }
+}
+
+/// Makes both levels, which share `beta`.
+pub fn generate_levels(config: &ProceduralConfig) -> Result<Levels> {
+    let coarse = Coarse::new(config)?;
+    let (mesh, subdivision) = subdivide(&coarse.mesh);
+    let net = Net::new(&mesh);
+    let base = Figure::new(ShapeParameters::default());
+    let fine_mesh = QuadMesh { positions: net.project(&base, &mesh.positions, 4), ..mesh };
+    let samples: Vec<Vec<Vec3>> = coarse
+        .figures
+        .par_iter()
+        .zip(&coarse.samples)
+        .map(|(figure, sample)| net.project(figure, &subdivision.lift(sample), 4))
+        .collect();
+    let dense: Vec<[f32; JOINTS]> = (0..fine_mesh.positions.len())
+        .map(|v| {
+            let mut row = [0.0; JOINTS];
+            for (c, w) in subdivision.row(v) {
+                row.iter_mut().zip(&coarse.dense[*c as usize]).for_each(|(r, x)| *r += x * w);
+            }
+            row
+        })
+        .collect();
+    let dense = mirror_rows(&net, dense);
+    let (coarse_body, scores) = coarse.finish()?;
+    let stage = Stage { mesh: &fine_mesh, net: &net, dense: &dense, samples: &samples, figures: &coarse.figures };
+    Ok(Levels { coarse: coarse_body, fine: assemble(&stage, &scores)?, subdivision })
+}
+
+/// Everything of level 0 that level 1 builds on.
+struct Coarse {
+    config: ProceduralConfig,
+    mesh: QuadMesh,
+    net: Net,
+    dense: Vec<[f32; JOINTS]>,
+    figures: Vec<Figure>,
+    samples: Vec<Vec<Vec3>>,
+}
+
+impl Coarse {
+    fn new(config: &ProceduralConfig) -> Result<Self> {
+        if config.shapes < 2 || config.people < 2 * config.shapes.max(PARAMETERS) {
+            return Err(BodyError::Generator(format!(
+                "{} people are too few for {} shape coefficients (at least 2, and twice as many people)",
+                config.people, config.shapes
+            )));
+        }
+        let base = Figure::new(ShapeParameters::default());
+        let mut mesh = surface_net(base.left_half(), &grid())?;
+        let net = Net::new(&mesh);
+        mesh.positions = net.project(&base, &mesh.positions, 4);
+        mesh.positions = net.relax(&base, &mesh.positions, None, 10);
+        mesh.positions = net.project(&base, &mesh.positions, 3);
+        let dense = dense_weights(&base, &net, &mesh.positions);
+        let figures: Vec<Figure> = sample_people(config.seed, config.people).into_iter().map(Figure::new).collect();
+        let samples = figures.par_iter().map(|f| fit_figure(&net, &mesh.positions, &dense, f, 4)).collect();
+        Ok(Self { config: config.clone(), mesh, net, dense, figures, samples })
+    }
+
+    fn finish(&self) -> Result<(ProceduralBody, Scores)> {
+        let mut scores = principal_scores(&self.samples, self.config.shapes);
+        fix_signs(&mut scores, &self.figures);
+        let stage = Stage {
+            mesh: &self.mesh,
+            net: &self.net,
+            dense: &self.dense,
+            samples: &self.samples,
+            figures: &self.figures,
+        };
+        Ok((assemble(&stage, &scores)?, scores))
+    }
+}
+
+/// Node planes: coarse along the trunk and legs, dense at hands, feet and head.
+fn grid() -> Grid {
+    Grid {
+        x: symmetric_planes(0.72, |x| if x > 0.42 { 0.024 } else { 0.034 }),
+        y: planes(-0.05, 1.76, |y| {
+            if y < 0.12 {
+                0.024
+            } else if y < 0.75 {
+                0.046
+            } else if y < 1.42 {
+                0.036
+            } else {
+                0.027
+            }
+        }),
+        z: planes(-0.26, 0.28, |_| 0.033),
+    }
+}
+
+/// `beta[0]` positive = taller, `beta[1]` negative = heavier, the rest by their largest knob.
+fn fix_signs(scores: &mut Scores, figures: &[Figure]) {
+    let correlation = |scores: &Scores, k: usize, knob: usize| -> f64 {
+        figures.iter().zip(&scores.values).map(|(f, row)| f64::from(f.parameters.to_array()[knob]) * row[k]).sum()
+    };
+    for k in 0..scores.values[0].len() {
+        let sum = match k {
+            0 => correlation(scores, 0, 0),
+            1 => -correlation(scores, 1, 1),
+            _ => {
+                let all: Vec<f64> = (0..PARAMETERS).map(|knob| correlation(scores, k, knob)).collect();
+                all.into_iter().fold(0.0, |m: f64, x| if x.abs() > m.abs() { x } else { m })
+            }
+        };
+        if sum < 0.0 {
+            scores.values.iter_mut().for_each(|row| row[k] = -row[k]);
+        }
+    }
+}
+
+fn mirror_rows(net: &Net, mut rows: Vec<[f32; JOINTS]>) -> Vec<[f32; JOINTS]> {
+    for &v in net.left() {
+        let (v, m) = (v as usize, net.mirror[v as usize] as usize);
+        let row = rows[v];
+        let flipped = std::array::from_fn(|j| row[mirrored_joint(j)]);
+        if v == m {
+            rows[v] = std::array::from_fn(|j| 0.5 * (row[j] + flipped[j]));
+        } else {
+            rows[m] = flipped;
+        }
+    }
+    rows
+}
+
+struct Stage<'a> {
+    mesh: &'a QuadMesh,
+    net: &'a Net,
+    dense: &'a [[f32; JOINTS]],
+    samples: &'a [Vec<Vec3>],
+    figures: &'a [Figure],
+}
+
+fn assemble(stage: &Stage, scores: &Scores) -> Result<ProceduralBody> {
+    let base = Figure::new(ShapeParameters::default());
+    let template = mean(stage.samples);
+    let v = template.len();
+    let topology = Arc::new(split_quads(stage.mesh));
+    let genus = topology.check_closed_manifold().map_err(|e| BodyError::Generator(e.to_string()))?;
+    if genus != 0 {
+        return Err(BodyError::Generator(format!("the mesh has genus {genus}")));
+    }
+    let regions = parts::regions(&base, stage.net, &stage.mesh.positions, stage.dense);
+    let tissue = parts::tissue(&base, stage.net, &stage.mesh.positions, &regions);
+    let shapes = scores.values[0].len();
+    let mut shape_directions = directions(stage.samples, scores);
+    for k in 0..shapes {
+        mirror_field(stage.net, &mut shape_directions[k * v..(k + 1) * v]);
+    }
+    let mut template = template;
+    mirror_field(stage.net, &mut template);
+    let joint_regressor = joint_rows(stage.net, &template, stage.samples, stage.figures);
+    let model = BodyModel {
+        template,
+        shape_directions,
+        pose_directions: vec![Vec3::ZERO; 9 * (JOINTS - 1) * v],
+        joint_regressor,
+        skin: skin_weights(stage.net, stage.dense),
+        skeleton: Skeleton::smpl(),
+        uv: UvAtlas::default(),
+        mirror: Mirror {
+            vertices: stage.net.mirror.clone(),
+            joints: (0..JOINTS).map(|j| mirrored_joint(j) as u8).collect(),
+        },
+        regions,
+        topology,
+    };
+    let anatomy = Anatomy::new(&model, knob_regression(scores, stage.figures), tissue);
+    Ok(ProceduralBody { model, anatomy })
+}
+
+fn mirror_field(net: &Net, field: &mut [Vec3]) {
+    for &v in net.left() {
+        let (v, m) = (v as usize, net.mirror[v as usize] as usize);
+        let p = field[v];
+        if v == m {
+            field[v].x = 0.0;
+        } else {
+            field[m] = Vec3::new(-p.x, p.y, p.z);
+        }
+    }
+}
+
+/// `[8][S + 1]`: the knobs as affine functions of the scores, by least squares.
+fn knob_regression(scores: &Scores, figures: &[Figure]) -> Vec<Vec<f32>> {
+    let s = scores.values[0].len();
+    let rows: Vec<Vec<f64>> =
+        scores.values.iter().map(|r| std::iter::once(1.0).chain(r.iter().copied()).collect()).collect();
+    let mut a = vec![vec![0.0; s + 1]; s + 1];
+    for r in &rows {
+        for i in 0..=s {
+            for j in 0..=s {
+                a[i][j] += r[i] * r[j];
+            }
+        }
+    }
+    (0..PARAMETERS)
+        .map(|knob| {
+            let b = (0..=s)
+                .map(|i| rows.iter().zip(figures).map(|(r, f)| r[i] * f64::from(f.parameters.to_array()[knob])).sum())
+                .collect();
+            solve_symmetric(a.clone(), b).into_iter().map(|x| x as f32).collect()
+        })
+        .collect()
+}
+
+/// Splits each quad along its shorter diagonal, alike on both sides of the mirror plane.
+fn split_quads(mesh: &QuadMesh) -> Topology {
+    let p = |i: u32| mesh.positions[i as usize];
+    // ties are broken by an index that does not know left from right
+    let neutral = |i: u32| i.min(mesh.mirror[i as usize]);
+    let mut faces = Vec::with_capacity(mesh.quads.len() * 2);
+    for q in &mesh.quads {
+        let [a, b, c, d] = *q;
+        let (ac, bd) = (p(a).distance_squared(p(c)), p(b).distance_squared(p(d)));
+        let first = ac < bd || (ac == bd && neutral(a).min(neutral(c)) < neutral(b).min(neutral(d)));
+        faces.extend(if first { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] });
+    }
+    Topology { vertex_count: mesh.positions.len(), faces, quads: mesh.quads.clone() }
+}

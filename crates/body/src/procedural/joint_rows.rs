@@ -1,0 +1,98 @@
+//! The joint regressor: sparse affine combinations of rest vertices fitted over the sampled people.
+
+use super::figure::{Figure, JOINTS};
+use super::relax::Net;
+use super::weights::mirrored_joint;
+use crate::JointRegressor;
+use glam::Vec3;
+
+/// Vertices a joint looks at.
+const SUPPORT: usize = 32;
+/// Pull of each weight towards the even share, square metres.
+const PULL: f64 = 2e-4;
+
+/// Fits every joint of `figures` to the vertices of `samples` (same order). Rows sum to one.
+pub fn joint_rows(net: &Net, template: &[Vec3], samples: &[Vec<Vec3>], figures: &[Figure]) -> JointRegressor {
+    let mut rows: Vec<Vec<(u32, f32)>> = vec![Vec::new(); JOINTS];
+    for j in 0..JOINTS {
+        let other = mirrored_joint(j);
+        if other < j {
+            rows[j] = rows[other].iter().map(|(v, w)| (net.mirror[*v as usize], *w)).collect();
+            rows[j].sort_unstable_by_key(|(v, _)| *v);
+            continue;
+        }
+        let support = support(net, template, figures, j, other == j);
+        let mut w = solve_row(&support, samples, figures, j);
+        if other == j {
+            let of = |v: u32| support.iter().position(|s| *s == v).expect("the support is symmetric");
+            w = support.iter().map(|v| 0.5 * (w[of(*v)] + w[of(net.mirror[*v as usize])])).collect();
+        }
+        let sum: f64 = w.iter().sum();
+        rows[j] = support.iter().zip(w).map(|(v, w)| (*v, (w / sum) as f32)).collect();
+    }
+    JointRegressor { rows }
+}
+
+/// The vertices nearest to the mean joint, closed under mirroring for a middle joint; ascending.
+fn support(net: &Net, template: &[Vec3], figures: &[Figure], joint: usize, middle: bool) -> Vec<u32> {
+    let at = figures.iter().map(|f| f.joints[joint]).sum::<Vec3>() / figures.len() as f32;
+    let mut order: Vec<u32> = (0..template.len() as u32).collect();
+    order.sort_by(|a, b| {
+        let d = |v: &u32| template[*v as usize].distance_squared(at);
+        d(a).total_cmp(&d(b)).then(a.cmp(b))
+    });
+    order.truncate(SUPPORT);
+    if middle {
+        let mirrored: Vec<u32> = order.iter().map(|v| net.mirror[*v as usize]).collect();
+        order.extend(mirrored);
+    }
+    order.sort_unstable();
+    order.dedup();
+    order
+}
+
+fn solve_row(support: &[u32], samples: &[Vec<Vec3>], figures: &[Figure], joint: usize) -> Vec<f64> {
+    let n = support.len();
+    let even = 1.0 / n as f64;
+    let mut a = vec![vec![0.0; n]; n];
+    let mut b = vec![0.0; n];
+    // the unknown is the departure from even shares; its sum is held near zero
+    for i in 0..n {
+        for k in 0..n {
+            a[i][k] = 10.0;
+        }
+        a[i][i] += PULL;
+    }
+    for (sample, figure) in samples.iter().zip(figures) {
+        let target = figure.joints[joint].as_dvec3();
+        let local: Vec<_> = support.iter().map(|v| sample[*v as usize].as_dvec3() - target).collect();
+        let residual = -local.iter().copied().sum::<glam::DVec3>() * even;
+        for i in 0..n {
+            b[i] += local[i].dot(residual);
+            for k in 0..n {
+                a[i][k] += local[i].dot(local[k]);
+            }
+        }
+    }
+    solve_symmetric(a, b).iter().map(|x| x + even).collect()
+}
+
+/// Solves `A x = b` for a positive definite `A` (Cholesky).
+pub fn solve_symmetric(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
+    let n = b.len();
+    for i in 0..n {
+        for j in 0..=i {
+            let dot: f64 = (0..j).map(|k| a[i][k] * a[j][k]).sum();
+            a[i][j] = if i == j { (a[i][i] - dot).max(1e-18).sqrt() } else { (a[i][j] - dot) / a[j][j] };
+        }
+    }
+    for i in 0..n {
+        let dot: f64 = (0..i).map(|k| a[i][k] * b[k]).sum();
+        b[i] = (b[i] - dot) / a[i][i];
+    }
+    for i in (0..n).rev() {
+        let dot: f64 = (i + 1..n).map(|k| a[k][i] * b[k]).sum();
+        b[i] = (b[i] - dot) / a[i][i];
+    }
+    b
+}

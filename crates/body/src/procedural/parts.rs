@@ -1,0 +1,115 @@
+//! Named regions and tissue of the neutral mesh.
+
+use super::figure::{Figure, JOINTS};
+use super::relax::Net;
+use super::weights::diffuse;
+use crate::{Region, RegionMap};
+use glam::Vec3;
+
+/// The region of each vertex, symmetric.
+pub fn regions(figure: &Figure, net: &Net, positions: &[Vec3], dense: &[[f32; JOINTS]]) -> RegionMap {
+    let mut map = vec![Region::Rest; positions.len()];
+    for &v in net.left() {
+        let r = region(figure, positions[v as usize], &dense[v as usize]);
+        map[v as usize] = r;
+        map[net.mirror[v as usize] as usize] = r;
+    }
+    RegionMap(map)
+}
+
+/// `p` lies on the left or in the middle.
+fn region(figure: &Figure, p: Vec3, weights: &[f32; JOINTS]) -> Region {
+    let j = &figure.joints;
+    let s = figure.scale;
+    let share = |joints: &[usize]| joints.iter().map(|j| weights[*j]).sum::<f32>();
+    let along = |a: usize, b: usize| (p - j[a]).dot(j[b] - j[a]) / (j[b] - j[a]).length_squared();
+    if share(&[12, 15]) > 0.6 && p.y > j[12].y + 0.01 * s {
+        return Region::Head;
+    }
+    if share(&[20, 21, 22, 23]) > 0.5 {
+        return Region::Hands;
+    }
+    if share(&[7, 8, 10, 11]) > 0.5 {
+        return Region::Feet;
+    }
+    if share(&[16, 17]) > 0.5 && (0.12..0.85).contains(&along(16, 18)) {
+        return Region::UpperArms;
+    }
+    if share(&[16, 17, 18, 19]) > 0.5 {
+        return Region::Rest;
+    }
+    let buttock_low = j[1].y - 0.075 * s;
+    if p.z < -0.03 * s && p.y > buttock_low && p.y < j[0].y + 0.055 * s {
+        return Region::Buttocks;
+    }
+    let thigh = along(1, 4);
+    if share(&[1, 2, 4, 5]) > 0.5 {
+        let calf = along(4, 7);
+        if calf > 0.10 && calf < 0.75 {
+            return Region::Calves;
+        }
+        return if (0.0..0.85).contains(&thigh) { Region::Thighs } else { Region::Rest };
+    }
+    if p.y < j[1].y - 0.03 * s {
+        return Region::Thighs;
+    }
+    if p.y < j[9].y - 0.085 * s {
+        return if p.z > -0.035 * s { Region::Belly } else { Region::Rest };
+    }
+    if p.y < j[9].y + 0.10 * s && p.z > 0.015 * s { Region::Chest } else { Region::Rest }
+}
+
+/// Smooth tissue maps of the neutral mesh, `[V]` each.
+#[derive(Clone, Debug)]
+pub struct Tissue {
+    /// Fat thickness at neutral mass, metres.
+    pub fat: Vec<f32>,
+    /// 1 on the breast, 0 elsewhere.
+    pub breast: Vec<f32>,
+    /// 1 over the viscera (belly and flanks), 0 elsewhere.
+    pub viscera: Vec<f32>,
+}
+
+/// Thickness by region, blended by diffusion over about 3 cm.
+pub fn tissue(figure: &Figure, net: &Net, positions: &[Vec3], regions: &RegionMap) -> Tissue {
+    const BLEND: f32 = 0.025 * 0.025;
+    let (centre, radius) = figure.breast_extent();
+    let is_breast = |p: Vec3| {
+        (Vec3::new(p.x.abs(), p.y, p.z).distance(centre) - 1.18 * radius < 0.0) && p.z > centre.z - 0.2 * radius
+    };
+    let flank = |p: Vec3| p.x.abs() > 0.085 * figure.scale;
+    let fat: Vec<f32> = positions
+        .iter()
+        .zip(&regions.0)
+        .map(|(p, r)| {
+            1e-3 * match r {
+                Region::Belly if flank(*p) => 18.0,
+                Region::Belly => 22.0,
+                Region::Buttocks => 30.0,
+                Region::Thighs => 16.0,
+                Region::UpperArms => 12.0,
+                Region::Chest => 10.0,
+                Region::Calves => 7.0,
+                Region::Head | Region::Hands | Region::Feet => 3.0,
+                Region::Rest => 7.0,
+            }
+        })
+        .collect();
+    let indicator = |f: &dyn Fn(usize) -> bool| -> Vec<f32> {
+        let hard: Vec<f32> = (0..positions.len()).map(|v| if f(v) { 1.0 } else { 0.0 }).collect();
+        mirrored(net, diffuse(net, positions, &hard, 0.3 * BLEND)).into_iter().map(|x| x.clamp(0.0, 1.0)).collect()
+    };
+    Tissue {
+        fat: mirrored(net, diffuse(net, positions, &fat, BLEND)),
+        breast: indicator(&|v| is_breast(positions[v])),
+        viscera: indicator(&|v| regions.0[v] == Region::Belly),
+    }
+}
+
+/// Copies the left half onto the right.
+fn mirrored(net: &Net, mut field: Vec<f32>) -> Vec<f32> {
+    for &v in net.left() {
+        field[net.mirror[v as usize] as usize] = field[v as usize];
+    }
+    field
+}

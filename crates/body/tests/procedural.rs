@@ -1,0 +1,1 @@
+//! The procedural human at both levels.
