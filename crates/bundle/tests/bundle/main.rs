@@ -1,0 +1,7 @@
+//! `player`: the player against sums written out in f64, and against bad input.
+//! `reference`: these sums.
+//! `tiny`: a small body and a small bundle made from draws.
+
+mod player;
+mod reference;
+mod tiny;
