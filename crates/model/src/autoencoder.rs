@@ -94,10 +94,7 @@ impl Dropout {
 
 impl ResidualUnit {
     fn new(components: usize, width: usize, draws: &mut Draws, device: &Device) -> Self {
-        Self {
-            inner: layer::uniform(components, width, draws, device),
-            outer: layer::zeros(width, components, device),
-        }
+        Self { inner: layer::uniform(components, width, draws, device), outer: layer::zeros(width, components, device) }
     }
 
     fn forward(&self, x: Tensor<2>, dropout: Option<&mut Dropout>) -> Tensor<2> {
@@ -163,7 +160,8 @@ impl Autoencoder {
         device: &Device,
     ) -> Self {
         assert!(latents <= components, "{latents} latent numbers of {components} coefficients");
-        let mut units = || (0..config.units).map(|_| ResidualUnit::new(components, config.width, draws, device)).collect();
+        let mut units =
+            || (0..config.units).map(|_| ResidualUnit::new(components, config.width, draws, device)).collect();
         Self {
             encoder: Encoder { units: units(), project: layer::identity(components, latents, device) },
             decoder: Decoder { units: units(), lift: layer::identity(latents, components, device) },

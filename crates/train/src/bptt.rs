@@ -49,8 +49,7 @@ impl GruTrace {
             let GruFrame { reset, update, new, recurrent_new, .. } = self.frames[t].clone();
             let before = if t > 0 { self.frames[t - 1].hidden.clone() } else { zero.clone() };
             let reached = states_gradient.clone().slice_dim(0, t..t + 1).reshape([batch, width]) + carried;
-            let new_argument =
-                reached.clone() * (update.clone().neg() + 1.0) * (new.clone().square().neg() + 1.0);
+            let new_argument = reached.clone() * (update.clone().neg() + 1.0) * (new.clone().square().neg() + 1.0);
             let update_argument = reached.clone() * (before - new) * logistic_slope(update.clone());
             let reset_argument = new_argument.clone() * recurrent_new * logistic_slope(reset.clone());
             let recurrent_argument = new_argument.clone() * reset;

@@ -22,7 +22,7 @@ mod vertex_error;
 
 pub use adam::{Adam, AdamConfig, GradientMap, load_module, module_gradients, module_state};
 pub use bptt::GruTrace;
-pub use checkpoint::{Checkpoint, CheckpointFolder};
+pub use checkpoint::{Checkpoint, CheckpointFolder, read_state, write_state};
 pub use error::TrainError;
 pub use log::RunLog;
 pub use regressor_step::{LossSpace, MotionSequence, RegressorTrainee, RegressorTraining, Shortcut};

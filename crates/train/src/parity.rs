@@ -1,8 +1,8 @@
 //! One small training on any device, so that backends can be held against each other.
 
 use crate::{
-    AdamConfig, Clips, DeltaFrames, DeltaSurface, MotionSequence, RegressorTrainee, RegressorTraining, Result, Shortcut,
-    Stage, SubspaceTrainee, SubspaceTraining, Trainee,
+    AdamConfig, Clips, DeltaFrames, DeltaSurface, MotionSequence, RegressorTrainee, RegressorTraining, Result,
+    Shortcut, Stage, SubspaceTrainee, SubspaceTraining, Trainee,
 };
 use burn::tensor::Device;
 use softtissue_model::{AutoencoderConfig, RegressorConfig, ShortcutStart};

@@ -135,7 +135,8 @@ impl RegressorTrainee {
         let inputs = clips.train.first().map_or(0, |clip| clip.input_width);
         if config.batch == 0 || clips.train.is_empty() || clips.validation.is_empty() {
             return Err(TrainError::Config(
-                "regressor: training needs a batch of at least 1 and at least one clip each to train and to validate".into(),
+                "regressor: training needs a batch of at least 1 and at least one clip each to train and to validate"
+                    .into(),
             ));
         }
         for clip in clips.train.iter().chain(&clips.validation) {

@@ -1,6 +1,6 @@
 use crate::losses::{NormalLoss, surface_loss, surrogate};
-use crate::{Adam, AdamConfig, Clips, NamedArray, Result, Stage, State, StepStats, TrainError, Trainee};
 use crate::vertex_error::summed_distances;
+use crate::{Adam, AdamConfig, Clips, NamedArray, Result, Stage, State, StepStats, TrainError, Trainee};
 use crate::{cosine, load_module, module_gradients, module_state};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -110,7 +110,8 @@ impl SubspaceTrainee {
         let device = stage.device.clone().inner();
         let mut draws = Draws::new(stage.seed, &format!("{}/start", stage.name), 0, 0);
         let typical = train.first_rms(components);
-        let network = Autoencoder::new(&config.network, components, latents, typical, &mut draws, &device.clone().autodiff());
+        let network =
+            Autoencoder::new(&config.network, components, latents, typical, &mut draws, &device.clone().autodiff());
         let scaled = surface.directions.iter().map(|d| d * network.scale).collect();
         let directions = tensor(scaled, [components, surface.mean.len()], &device);
         let normals = NormalLoss { faces: surface.faces.clone(), weight: config.normal_weight };

@@ -1,3 +1,4 @@
 //! Integration tests of the training room.
 
+mod neural;
 mod train_loop;
