@@ -1,0 +1,120 @@
+use crate::{FitError, Result};
+use serde::{Deserialize, Serialize};
+
+/// In which frame the residuals of the pose fit are measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ObjectiveKind {
+    /// Casas-Otaduy 2018 eq. 4: distance at rest, after unposing the scan. What it minimises is what the deltas
+    /// are made of.
+    Unposed,
+    /// SoftSMPL eq. 4: distance in space. A small distance there can be a large one after unposing.
+    Posed,
+}
+
+/// What minimises the objective.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Solver {
+    /// Levenberg-Marquardt with analytic derivatives: this crate.
+    LevenbergMarquardt,
+    /// Adam through automatic differentiation: the slow reference, which lives where the networks are trained.
+    Adam,
+}
+
+/// Settings of the fit. The defaults are measured on synthetic scans.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FitConfig {
+    /// Default `unposed`.
+    pub objective: ObjectiveKind,
+    /// Default `levenberg-marquardt`.
+    pub solver: Solver,
+    /// Whether what is static in a subject beyond the shape space is taken out of its deltas, and of the pose fit.
+    /// `false` gives the papers' literal deltas. Default true.
+    pub subject_template: bool,
+    /// Whether the fit weights that the template's regions give are refined by how much each vertex moves in the
+    /// first deltas. Default true.
+    pub refine_weights: bool,
+    /// Frames that the shape is fitted to, taken from the starts of the subject's training clips in turn; more
+    /// average out more flesh and noise and cost linearly. Default 16.
+    pub shape_frames: usize,
+    /// Weight of `|beta|^2` beside the mean squared distance, m^2; larger draws the shape to the mean. Default 1e-7.
+    pub shape_prior: f64,
+    /// Every how-manieth frame the first pass fits, which only serves the subject template and the weights.
+    /// Default 4.
+    pub first_pass_stride: usize,
+    /// Share of the first pass's frames, the slowest ones, that the subject template is the mean of. Default 0.12.
+    pub template_share: f64,
+    /// Frames at the start of each clip that shape and template of a subject without training clips come from.
+    /// Default 24.
+    pub new_subject_frames: usize,
+    /// Weight of the squared change of the joint angles since the frame before, m^2/rad^2 a joint; steadies noisy
+    /// scans and lags behind fast motion. Default 0: off.
+    pub smoothness: f64,
+    /// Largest step, radians and metres, at which a frame counts as solved. Default 5e-4.
+    pub tolerance: f64,
+    /// Iterations a frame at most. Default 30.
+    pub max_iterations: usize,
+    /// Weighted rms distance, metres, beyond which a clip is held to be of another body or in other units.
+    /// Default 0.15.
+    pub refuse_beyond: f64,
+}
+
+impl Default for FitConfig {
+    fn default() -> Self {
+        Self {
+            objective: ObjectiveKind::Unposed,
+            solver: Solver::LevenbergMarquardt,
+            subject_template: true,
+            refine_weights: true,
+            shape_frames: 16,
+            shape_prior: 1e-7,
+            first_pass_stride: 4,
+            template_share: 0.12,
+            new_subject_frames: 24,
+            smoothness: 0.0,
+            tolerance: 5e-4,
+            max_iterations: 30,
+            refuse_beyond: 0.15,
+        }
+    }
+}
+
+impl FitConfig {
+    /// Refuses values that no fit can be made with.
+    pub fn check(&self) -> Result<()> {
+        let at_least_one = [
+            ("shape_frames", self.shape_frames),
+            ("first_pass_stride", self.first_pass_stride),
+            ("new_subject_frames", self.new_subject_frames),
+            ("max_iterations", self.max_iterations),
+        ];
+        for (field, value) in at_least_one {
+            if value == 0 {
+                return Err(FitError::Config { field, value: "0".into(), remedy: "write at least 1" });
+            }
+        }
+        let not_negative = [("shape_prior", self.shape_prior), ("smoothness", self.smoothness)];
+        for (field, value) in not_negative {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(FitError::Config { field, value: value.to_string(), remedy: "write 0 or more" });
+            }
+        }
+        let positive = [("tolerance", self.tolerance), ("refuse_beyond", self.refuse_beyond)];
+        for (field, value) in positive {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(FitError::Config { field, value: value.to_string(), remedy: "write more than 0" });
+            }
+        }
+        if !(self.template_share > 0.0 && self.template_share <= 1.0) {
+            let (field, value) = ("template_share", self.template_share.to_string());
+            return Err(FitError::Config { field, value, remedy: "write more than 0 and at most 1" });
+        }
+        if self.solver == Solver::Adam {
+            let remedy = "this pipeline solves with \"levenberg-marquardt\"; adam is a reference for comparisons only";
+            return Err(FitError::Config { field: "solver", value: "\"adam\"".into(), remedy });
+        }
+        Ok(())
+    }
+}

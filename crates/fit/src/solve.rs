@@ -1,0 +1,133 @@
+use crate::accumulate::Sums;
+use crate::cholesky::Cholesky;
+use crate::cross::Cross;
+use crate::normal::Normal;
+use crate::objective::Objective;
+use crate::pose_state::{Kinematics, PoseState};
+use glam::Vec3;
+use softtissue_geometry::left_jacobian;
+
+/// When a frame counts as solved.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stop {
+    /// Largest step, radians and metres.
+    pub tolerance: f64,
+    pub max_iterations: usize,
+}
+
+/// What one thread keeps between frames of a clip.
+pub(crate) struct Workspace {
+    sums: Sums,
+    cross: Option<Cross>,
+}
+
+impl Workspace {
+    pub fn new(objective: &Objective) -> Self {
+        Self { sums: Sums::new(&objective.body.packed, 0), cross: None }
+    }
+}
+
+/// A solved frame.
+#[derive(Clone, Debug)]
+pub(crate) struct Solution {
+    pub state: PoseState,
+    /// Objective, m^2.
+    pub value: f64,
+    /// Trips over the vertices.
+    pub evaluations: usize,
+}
+
+/// Turn of a joint, radians, after which the part between bones and correctives is made anew.
+const OLD: f32 = 0.25;
+const FIRST_DAMPING: f64 = 1e-5;
+const LEAST_DAMPING: f64 = 1e-9;
+const MOST_DAMPING: f64 = 1e6;
+
+impl Objective {
+    /// Levenberg-Marquardt from a start; `scan` sorted, `[V]`. Damping is relative to the matrix's diagonal
+    /// (Marquardt); a step that does not lower the objective is taken back.
+    pub(crate) fn solve(&self, start: PoseState, before: Option<&PoseState>, scan: &[Vec3], stop: Stop, work: &mut Workspace) -> Solution {
+        let (mut state, mut damping) = (start, FIRST_DAMPING);
+        let mut kinematics = self.kinematics(&state);
+        let mut normal = self.normal_with_prior(&kinematics, &state, before, scan, work);
+        let mut evaluations = 1;
+        while evaluations < stop.max_iterations {
+            let Some(step) = damped_step(&normal, damping) else {
+                if damping > MOST_DAMPING {
+                    break;
+                }
+                damping *= 10.0;
+                continue;
+            };
+            let next = state.stepped(&step, &kinematics);
+            if !next.is_finite() {
+                break;
+            }
+            if step.iter().all(|x| x.abs() < stop.tolerance) {
+                state = next;
+                break;
+            }
+            let next_kinematics = self.kinematics(&next);
+            let next_normal = self.normal_with_prior(&next_kinematics, &next, before, scan, work);
+            evaluations += 1;
+            if next_normal.value < normal.value {
+                (state, kinematics, normal) = (next, next_kinematics, next_normal);
+                damping = (damping * 0.1).max(LEAST_DAMPING);
+            } else if damping > MOST_DAMPING {
+                break;
+            } else {
+                damping = (damping * 10.0).max(FIRST_DAMPING);
+            }
+        }
+        Solution { state, value: normal.value, evaluations }
+    }
+
+    fn normal_with_prior(
+        &self,
+        kinematics: &Kinematics,
+        state: &PoseState,
+        before: Option<&PoseState>,
+        scan: &[Vec3],
+        work: &mut Workspace,
+    ) -> Normal {
+        let cross = match work.cross.take() {
+            Some(cross) if !cross.is_older_than(state, OLD) => cross,
+            _ => self.surface().cross(kinematics, state, scan),
+        };
+        let mut normal = self.normal(kinematics, scan, &cross, &mut work.sums);
+        work.cross = Some(cross);
+        if let (Some(before), true) = (before, self.smoothness > 0.0) {
+            let n = normal.gradient.len();
+            for (j, turn) in state.turn_since(before).into_iter().enumerate() {
+                // d log(exp(d) R) = J_l^-1 d to first order, and J_l^-T w = w: the gradient is the turn itself
+                debug_assert!((left_jacobian(turn) * turn).abs_diff_eq(turn, 1e-3));
+                let world = kinematics.parent_rotations[j] * turn;
+                normal.value += self.smoothness * f64::from(turn.length_squared());
+                for c in 0..3 {
+                    normal.gradient[3 * j + c] += self.smoothness * f64::from(world[c]);
+                    normal.hessian[(3 * j + c) * n + 3 * j + c] += self.smoothness;
+                }
+            }
+        }
+        normal
+    }
+}
+
+/// `-(H + damping diag H)^-1 g`; `None` if that is no descent.
+pub(crate) fn damped_step(normal: &Normal, damping: f64) -> Option<Vec<f64>> {
+    let n = normal.gradient.len();
+    let mut matrix = normal.hessian.clone();
+    damp(&mut matrix, n, damping);
+    let factor = Cholesky::new(matrix, n)?;
+    let mut step: Vec<f64> = normal.gradient.iter().map(|g| -g).collect();
+    factor.solve(&mut step);
+    step.iter().all(|x| x.is_finite()).then_some(step)
+}
+
+/// Adds Marquardt's damping, and a ridge a hundred-millionth of the mean so that a joint without vertices stays put.
+pub(crate) fn damp(matrix: &mut [f64], n: usize, damping: f64) {
+    let mean = (0..n).map(|i| matrix[i * n + i]).sum::<f64>() / n as f64;
+    for i in 0..n {
+        matrix[i * n + i] += damping * matrix[i * n + i] + 1e-8 * mean;
+    }
+}
