@@ -25,16 +25,14 @@ pub enum EvalError {
         source: MethodError,
     },
     /// Two things that are compared have different sizes.
-    #[error("{clip}: {what} has {found}, expected {expected}; make it again from the same scans and body")]
+    #[error("{clip}: {what} has {sizes}; make it again from the same scans and body")]
     Size {
         /// Which clip.
         clip: ClipId,
         /// What was compared.
         what: String,
-        /// Its size.
-        found: String,
-        /// The size asked for.
-        expected: String,
+        /// The size found and the one expected.
+        sizes: String,
     },
     /// A protocol that cannot be run on these clips, or metrics that cannot be written or read.
     #[error("{0}")]

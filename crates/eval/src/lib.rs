@@ -5,11 +5,29 @@
 //! What every figure means is told in `docs/measures.md`.
 
 mod error;
+mod fit;
+mod gates;
+mod judge;
 pub mod measures;
 mod method;
+mod metrics;
+mod probe;
+pub mod protocol;
+mod subspace;
+mod tally;
 
 pub use error::{EvalError, MethodError};
+pub use fit::judge_fit;
+pub use gates::{OURS, acceptance};
+pub use judge::{Channel, Scene, judge};
 pub use method::{BodyAlone, Codec, Method};
+pub use metrics::{
+    ClipMetrics, DataMetrics, DecayFigures, DecayMetrics, FitMetrics, Gate, MethodMetrics, Metrics, RegionMetrics,
+    SCHEMA, SubspaceMetrics,
+};
+pub use probe::{DecayTrace, LongRollout, StopProbe, judge_bounded, judge_stops, training_peaks};
+pub use subspace::{CodecPair, judge_subspace};
+pub use tally::{ClipTally, MOVING, MethodTally, RegionSignal, Tally};
 
 /// Result of this crate.
 pub type Result<T, E = EvalError> = std::result::Result<T, E>;

@@ -1,4 +1,5 @@
 use crate::{MethodError, Result};
+use glam::Vec3;
 use softtissue_clips::MotionClip;
 use softtissue_geometry::Frames;
 
@@ -10,6 +11,18 @@ pub trait Method: Sync {
     /// Free rollout from zero state: deltas `[T, V, 3]` in metres, one frame for every frame of `motion`.
     /// `subject` names the person for methods that were fitted to one, `beta` is the shape.
     fn rollout(&self, subject: &str, beta: &[f32], motion: &MotionClip) -> Result<Frames, MethodError>;
+    /// The same, frame by frame into `sink`, for rollouts too long to keep. The default keeps the whole rollout:
+    /// 12 bytes a vertex and frame.
+    fn rollout_each(
+        &self,
+        subject: &str,
+        beta: &[f32],
+        motion: &MotionClip,
+        sink: &mut dyn FnMut(&[Vec3]),
+    ) -> Result<(), MethodError> {
+        self.rollout(subject, beta, motion)?.iter().for_each(sink);
+        Ok(())
+    }
 }
 
 /// The zero baseline: the body model alone, `D = 0`.

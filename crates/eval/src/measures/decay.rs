@@ -44,7 +44,8 @@ pub fn fit_decay(signal: &[DVec3], fps: f64) -> Option<Decay> {
         }
     }
     // shrink a cross of steps (in the logarithms) until it is far below the precision asked for
-    let (mut step_hz, mut step_ratio) = ((HZ.1 / HZ.0).ln() / (n_hz - 1) as f64, (RATIO.1 / RATIO.0).ln() / (n_ratio - 1) as f64);
+    let (mut step_hz, mut step_ratio) =
+        ((HZ.1 / HZ.0).ln() / (n_hz - 1) as f64, (RATIO.1 / RATIO.0).ln() / (n_ratio - 1) as f64);
     while step_hz > 1e-6 {
         let (_, hz, ratio) = best;
         let mut moved = false;
@@ -110,13 +111,13 @@ fn solve(m: [[f64; 3]; 3], right: [DVec3; 3]) -> Option<[DVec3; 3]> {
     let mut y = right;
     for i in 0..3 {
         for k in 0..i {
-            y[i] = y[i] - y[k] * l[i][k];
+            y[i] -= y[k] * l[i][k];
         }
         y[i] /= l[i][i];
     }
     for i in (0..3).rev() {
         for k in i + 1..3 {
-            y[i] = y[i] - y[k] * l[k][i];
+            y[i] -= y[k] * l[k][i];
         }
         y[i] /= l[i][i];
     }

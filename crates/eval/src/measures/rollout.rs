@@ -134,7 +134,10 @@ mod tests {
             let turn = (long.rotations.frame(t)[1] - long.rotations.frame(t - 1)[1]).length();
             // the blend's fastest step is 1.5 / 30 of 1.2 rad
             assert!(turn < 0.07, "{t} {turn}");
-            assert!((long.translations[t] - long.translations[t - 1]).length() < 1e-5, "the root goes on where it stood");
+            assert!(
+                (long.translations[t] - long.translations[t - 1]).length() < 1e-5,
+                "the root goes on where it stood"
+            );
         }
         assert!((long.rotations.frame(49 + 30)[1].y - 1.2).abs() < 1e-4);
         assert_eq!(looped(&[motion(50, 0.0, 0.0)], 0.5).len(), 30);

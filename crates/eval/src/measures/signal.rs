@@ -39,9 +39,8 @@ pub fn spectrum(signal: &[DVec3], fps: f64) -> Spectrum {
         .collect();
     let gain: f64 = window.iter().map(|w| w * w).sum();
     let fft = FftPlanner::new().plan_fft_forward(n);
-    let bins: Vec<usize> = (1..=n / 2)
-        .filter(|k| (LOWEST_HZ..=HIGHEST_HZ).contains(&(*k as f64 * fps / n as f64)))
-        .collect();
+    let bins: Vec<usize> =
+        (1..=n / 2).filter(|k| (LOWEST_HZ..=HIGHEST_HZ).contains(&(*k as f64 * fps / n as f64))).collect();
     let mut power = vec![0.0; bins.len()];
     let last = signal.len() - window_length;
     let step = (window_length / 2).max(1);
@@ -165,7 +164,9 @@ mod tests {
             .map(|t| {
                 // all bins well above the floor: a chirp from 0.75 to 15 Hz and back
                 let time = t as f64 / 60.0;
-                DVec3::X * (TAU * (7.875 * time - 7.125 * 7.5 / std::f64::consts::PI * (TAU * time / 15.0).sin())).sin() * 0.01
+                DVec3::X
+                    * (TAU * (7.875 * time - 7.125 * 7.5 / std::f64::consts::PI * (TAU * time / 15.0).sin())).sin()
+                    * 0.01
             })
             .collect();
         let half: Vec<DVec3> = r.iter().map(|x| *x * 0.5).collect();

@@ -1,0 +1,166 @@
+use crate::{Gate, MethodMetrics, Metrics};
+use std::collections::BTreeMap;
+
+/// The name under which the project's own method is judged.
+pub const OURS: &str = "softtissue";
+
+/// The acceptance values that follow from what has been measured, by name. What was not measured stands there without
+/// a value. Others (the fit's speed at full size, ablations on validation clips) are added by whoever measures them.
+pub fn acceptance(metrics: &Metrics) -> BTreeMap<String, Gate> {
+    let mut gates = BTreeMap::new();
+    regressor(metrics, &mut gates);
+    subspace(metrics, &mut gates);
+    fit(metrics, &mut gates);
+    gates
+}
+
+fn regressor(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
+    let ours = metrics.methods.get(OURS);
+    let of = |part: fn(&MethodMetrics) -> Option<f64>| ours.and_then(part);
+    let soft = |m: &MethodMetrics| m.regions.get("soft").copied().unwrap_or_default();
+    let ratio = of(|m| m.soft_ratio);
+    let mut put = |name: &str, gate: Gate| gates.insert(format!("regressor.{name}"), gate);
+    put("soft_ratio", Gate::new("error on soft vertices over that of the body alone", "", ratio, None, Some(0.60)));
+    // several feature sets of the same baseline stand under variants; the better one counts
+    let ar2 = |part: &dyn Fn(&MethodMetrics) -> Option<f64>| {
+        let variants = metrics.methods.iter().filter(|(n, _)| is_variant_of(n, "ar2-subject"));
+        variants.filter_map(|(_, m)| part(m)).min_by(f64::total_cmp)
+    };
+    let against_ar2 = ratio.zip(ar2(&|m| m.soft_ratio)).map(|(a, b)| a / b);
+    put(
+        "against_ar2",
+        Gate::new("soft ratio over that of the better per-subject AR(2)", "", against_ar2, None, Some(0.90)),
+    );
+    let energy = ours.and_then(|m| soft(m).energy_ratio);
+    put(
+        "energy",
+        Gate::new("rms speed over the reference's, soft regions that move", "", energy, Some(0.8), Some(1.2)),
+    );
+    let spectral = ours.and_then(|m| soft(m).spectral_distance);
+    let spectral = spectral.zip(ar2(&|m| soft(m).spectral_distance)).map(|(a, b)| a / b);
+    put("spectrum", Gate::new("spectral distance over that of the per-subject AR(2)", "", spectral, None, Some(1.0)));
+    put(
+        "bounded",
+        Gate::new(
+            "greatest regional rms in a long rollout over the greatest in training",
+            "",
+            of(|m| m.bounded_ratio),
+            None,
+            Some(1.5),
+        ),
+    );
+    put(
+        "rest",
+        Gate::new(
+            "rms speed 2 s after the motion's end over that before it",
+            "",
+            of(|m| m.rest_ratio),
+            None,
+            Some(0.05),
+        ),
+    );
+    let mut decay = |name, what, unit, value: Option<f64>, most| {
+        let mut gate = Gate::new(what, unit, value, None, Some(most));
+        if ours.and_then(|m| m.decay_missing).is_some_and(|n| n > 0) {
+            gate.what += " (some regions that ring do not move at all)";
+            gate.met = Some(false);
+        }
+        put(name, gate);
+    };
+    decay("decay_hz", "free decay: greatest error of frequency", "Hz", of(|m| m.decay_hz_error), 0.3);
+    decay("decay_damping", "free decay: greatest error of the damping ratio", "", of(|m| m.decay_damping_error), 0.05);
+}
+
+fn is_variant_of(name: &str, base: &str) -> bool {
+    let rest = name.strip_prefix(base);
+    rest.is_some_and(|r| r.is_empty() || (r.starts_with('/') && !["/fitted", "/rough"].iter().any(|c| r.ends_with(c))))
+}
+
+fn subspace(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
+    for (latent, most) in [(25, 0.97), (50, 1.0), (100, 1.0)] {
+        let row = metrics.subspace.get(&latent).copied().unwrap_or_default();
+        let pair = row.ae_mm.zip(row.pca_mm).or(row.scan_ae_mm.zip(row.scan_pca_mm));
+        let ratio = pair.map(|(ae, pca)| ae / pca);
+        let mut gate = Gate::new(format!("autoencoder's error over PCA's at {latent}"), "", ratio, None, Some(most));
+        if row.residual_kept == Some(false) {
+            gate.what += " (validation kept PCA)";
+            gate.met = Some(false);
+        }
+        gates.insert(format!("subspace.{latent}"), gate);
+    }
+}
+
+fn fit(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
+    let fit = metrics.fit.unwrap_or_default();
+    let mut put = |name: &str, gate: Gate| gates.insert(format!("fit.{name}"), gate);
+    put("joint_deg", Gate::new("median joint angle error", "degrees", fit.joint_deg_median, None, Some(1.0)));
+    put("joint_mm", Gate::new("median joint position error", "mm", fit.joint_mm_median, None, Some(3.0)));
+    let most = fit.scan_noise_mm.map(|n| n + 1.0);
+    let value = fit.delta_mm_mean.filter(|_| most.is_some());
+    put(
+        "delta_mm",
+        Gate::new("scan deltas against true ones; at most the scanner's own error and 1 mm", "mm", value, None, most),
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{RegionMetrics, SubspaceMetrics, Tally};
+
+    fn metrics() -> Metrics {
+        let mut metrics = Tally::default().metrics("held-out", 1);
+        let method = |soft_ratio, energy_ratio, spectral_distance| MethodMetrics {
+            soft_ratio: Some(soft_ratio),
+            regions: [(
+                "soft".to_owned(),
+                RegionMetrics {
+                    energy_ratio: Some(energy_ratio),
+                    spectral_distance: Some(spectral_distance),
+                    ..Default::default()
+                },
+            )]
+            .into(),
+            ..Default::default()
+        };
+        metrics.methods.insert(OURS.into(), method(0.45, 0.7, 3.0));
+        metrics.methods.insert("ar2-subject".into(), method(0.60, 0.7, 4.0));
+        metrics.methods.insert("ar2-subject/dyna".into(), method(0.48, 0.7, 5.0));
+        metrics.methods.insert("ar2-subject/dyna/fitted".into(), method(0.10, 0.7, 1.0));
+        metrics
+    }
+
+    #[test]
+    fn the_better_baseline_counts_and_other_channels_do_not() {
+        let gates = acceptance(&metrics());
+        let met = |name: &str| (gates[name].value.map(|v| (v * 1e4).round() / 1e4), gates[name].met);
+        assert_eq!(met("regressor.soft_ratio"), (Some(0.45), Some(true)));
+        assert_eq!(met("regressor.against_ar2"), (Some(0.9375), Some(false)));
+        assert_eq!(met("regressor.spectrum"), (Some(0.75), Some(true)));
+        assert_eq!(met("regressor.energy"), (Some(0.7), Some(false)));
+        assert_eq!(met("regressor.rest"), (None, None), "not measured is not met and not missed");
+    }
+
+    #[test]
+    fn a_size_where_pca_was_kept_is_missed() {
+        let mut m = metrics();
+        let row =
+            SubspaceMetrics { pca_mm: Some(1.0), ae_mm: Some(1.0), residual_kept: Some(false), ..Default::default() };
+        m.subspace.insert(50, row);
+        m.subspace.insert(25, SubspaceMetrics { residual_kept: Some(true), ae_mm: Some(0.9), ..row });
+        let gates = acceptance(&m);
+        assert_eq!(gates["subspace.50"].met, Some(false));
+        assert_eq!(gates["subspace.25"].met, Some(true));
+        assert_eq!(gates["subspace.100"].met, None);
+    }
+
+    #[test]
+    fn a_region_that_does_not_ring_misses_the_decay() {
+        let mut m = metrics();
+        let ours = m.methods.get_mut(OURS).unwrap();
+        ours.decay_hz_error = Some(0.1);
+        assert_eq!(acceptance(&m)["regressor.decay_hz"].met, Some(true));
+        m.methods.get_mut(OURS).unwrap().decay_missing = Some(1);
+        assert_eq!(acceptance(&m)["regressor.decay_hz"].met, Some(false));
+    }
+}
