@@ -96,6 +96,14 @@ impl Subspace {
         self.encoder.project.apply(coefficients, latent);
     }
 
+    /// Latent `[L]` of centred coefficients `[K]` (metres).
+    pub fn encode_coefficients(&self, centred: &[f32], latent: &mut [f32], scratch: &mut SubspaceScratch) {
+        let SubspaceScratch { coefficients, unit } = scratch;
+        coefficients.copy_from_slice(centred);
+        self.encoder.units.iter().for_each(|u| u.apply(coefficients, unit));
+        self.encoder.project.apply(coefficients, latent);
+    }
+
     fn decode_coefficients_into(&self, latent: &[f32], coefficients: &mut [f32], unit: &mut [f32]) {
         self.decoder.lift.apply(latent, coefficients);
         self.decoder.units.iter().for_each(|u| u.apply(coefficients, unit));
