@@ -1,0 +1,90 @@
+use serde::{Deserialize, Serialize};
+
+/// Which physics moves the flesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FleshLaw {
+    /// Stable neo-Hookean with a shear modulus that grows with stretch; two layers.
+    #[default]
+    Stiffening,
+    /// Gent's energy, three layers, less of the damping that grows with frequency: a second world for tests,
+    /// never for training data.
+    Second,
+}
+
+/// How the flesh is computed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FleshConfig {
+    /// The physics. Default `stiffening`.
+    pub law: FleshLaw,
+    /// Steps in 1/60 s. Default 32: the stable step of 7 mm elements is about 0.7 ms; more only costs time.
+    pub substeps: usize,
+    /// Acceleration of gravity, m/s^2. Default 9.81; 0 takes away the lift in flight and the sag of turned parts.
+    pub gravity: f32,
+    /// Greatest depth of the shell under the skin, m. Default 0.11; more makes the belly slower and larger.
+    pub depth: f32,
+    /// Columns shallower than this stand still, m. Default 0.014; less needs a smaller step.
+    pub shallow: f32,
+}
+
+impl Default for FleshConfig {
+    fn default() -> Self {
+        Self { law: FleshLaw::default(), substeps: 32, gravity: 9.81, depth: 0.11, shallow: 0.014 }
+    }
+}
+
+/// What a person's flesh is made of. The two scales carry a subject's hidden scatter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Material {
+    /// Times all stiffnesses. Default 1; higher raises every frequency by its root.
+    pub stiffness: f32,
+    /// Times all damping. Default 1.
+    pub damping: f32,
+    /// Shear modulus of fat, Pa. Default 650 (in vivo about 750).
+    pub fat: f32,
+    /// Breast tissue relative to fat. Default 0.75.
+    pub breast: f32,
+    /// Shear modulus of relaxed muscle, Pa. Default 5000.
+    pub muscle: f32,
+    /// Shear modulus of the abdomen's content in a lean body, Pa above `viscera`; falls by `e` per unit of body mass.
+    pub viscera_lean: f32,
+    /// Shear modulus of the abdomen's content in a heavy body, Pa. Default 1800.
+    pub viscera: f32,
+    /// Resistance to change of volume, Pa. Default 30000; higher keeps volume better and needs a smaller step.
+    pub bulk: f32,
+    /// Mass density, kg/m^3. Default 960.
+    pub density: f32,
+    /// Viscosity of fat over its shear modulus, s. Default 0.010: damping that grows with frequency.
+    pub viscosity: f32,
+    /// The same for breast tissue, s. Default 0.018.
+    pub breast_viscosity: f32,
+    /// Drag relative to the skinned body, 1/s. Default 2.5: damping that falls with frequency.
+    pub drag: f32,
+    /// Tension of the skin's edges at a strain of one before stiffening, N. Default 60.
+    pub skin: f32,
+    /// Skin of the breast relative to the rest. Default 0.6.
+    pub breast_skin: f32,
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Self {
+            stiffness: 1.0,
+            damping: 1.0,
+            fat: 650.0,
+            breast: 0.75,
+            muscle: 5000.0,
+            viscera_lean: 2500.0,
+            viscera: 1800.0,
+            bulk: 30_000.0,
+            density: 960.0,
+            viscosity: 0.010,
+            breast_viscosity: 0.018,
+            drag: 2.5,
+            skin: 60.0,
+            breast_skin: 0.6,
+        }
+    }
+}
