@@ -4,6 +4,7 @@ mod autoencoder;
 mod error;
 mod gru;
 mod layer;
+pub mod linear;
 mod pca;
 mod predictor;
 mod regressor;
