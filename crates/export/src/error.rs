@@ -1,0 +1,27 @@
+use softtissue_store::StoreError;
+use std::path::PathBuf;
+
+/// Why an animation cannot be written; one sentence each.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// From the disk.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The animation itself.
+    #[error("the animation cannot be exported: {reason}")]
+    Animation {
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// The place to write to.
+    #[error("{path} cannot be written: {reason}")]
+    Target {
+        /// Where.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// The user asked to stop; nothing was left half-written.
+    #[error("stopped before the export was done")]
+    Stopped,
+}

@@ -1,0 +1,251 @@
+//! Other readers see what was written: the `gltf` crate and a plain OBJ parser.
+
+use glam::Vec3;
+use softtissue_export::{Animation, ExportError, GltfConfig, write_gltf, write_obj_sequence};
+use softtissue_geometry::{Frames, Topology};
+use softtissue_monitor::Silent;
+use std::path::Path;
+
+/// Rings and points a ring of the test's tube.
+const RINGS: usize = 24;
+const AROUND: usize = 12;
+
+/// A closed tube.
+fn tube() -> Topology {
+    let v = RINGS * AROUND;
+    let mut faces = vec![];
+    for k in 0..AROUND {
+        let next = (k + 1) % AROUND;
+        for r in 0..RINGS - 1 {
+            let [a, b, c, d] =
+                [r * AROUND + k, r * AROUND + next, (r + 1) * AROUND + next, (r + 1) * AROUND + k].map(|i| i as u32);
+            faces.extend([[a, c, b], [a, d, c]]);
+        }
+        let top = (RINGS - 1) * AROUND;
+        faces.extend([[v, k, next], [v + 1, top + next, top + k]].map(|f| f.map(|i| i as u32)));
+    }
+    let topology = Topology { vertex_count: v + 2, faces, quads: vec![] };
+    assert_eq!(topology.check_closed_manifold(), Ok(0));
+    topology
+}
+
+/// The tube travels, swings like a limb and carries travelling waves: no few targets hold it all.
+fn motion(frames: usize) -> Frames {
+    let mut out = Frames::new(RINGS * AROUND + 2);
+    for t in 0..frames {
+        let s = t as f32 / 60.0;
+        let place = |ring: f32, angle: f32, radius: f32| {
+            let bend = 0.8 * (5.0 * s).sin() * ring;
+            let wave =
+                0.01 * (30.0 * ring - 40.0 * s).sin() + 0.004 * (7.0 * angle + 25.0 * s).cos() * (11.0 * ring).sin();
+            let local = Vec3::new((radius + wave * radius.signum()) * angle.cos(), 0.0, (radius + wave) * angle.sin());
+            let axis = Vec3::new(bend.sin() * ring, bend.cos() * ring, 0.0);
+            axis + glam::Quat::from_rotation_z(-bend) * local + Vec3::new(1.5 * s, (0.2 * (6.0 * s).sin()).abs(), 0.0)
+        };
+        let mut frame: Vec<Vec3> = (0..RINGS * AROUND)
+            .map(|i| {
+                place(
+                    (i / AROUND) as f32 / RINGS as f32,
+                    (i % AROUND) as f32 / AROUND as f32 * std::f32::consts::TAU,
+                    0.1,
+                )
+            })
+            .collect();
+        frame.extend([place(-0.02, 0.0, 0.0), place(1.0, 0.0, 0.0)]);
+        out.push(&frame);
+    }
+    out
+}
+
+/// Vertices of every frame as another reader computes them from the file.
+fn read_back(path: &Path) -> (Frames, Vec<f32>) {
+    let (document, buffers, _) = gltf::import(path).unwrap();
+    let data = |buffer: gltf::Buffer| Some(&buffers[buffer.index()].0[..]);
+    let node = document.default_scene().unwrap().nodes().next().unwrap();
+    let primitive = node.mesh().unwrap().primitives().next().unwrap();
+    let reader = primitive.reader(data);
+    let base: Vec<Vec3> = reader.read_positions().unwrap().map(Vec3::from).collect();
+    let targets: Vec<Vec<Vec3>> =
+        reader.read_morph_targets().map(|(p, _, _)| p.unwrap().map(Vec3::from).collect()).collect();
+    let animation = document.animations().next().unwrap();
+    let (mut times, mut translations, mut weights) = (vec![], vec![], vec![]);
+    for channel in animation.channels() {
+        assert_eq!(channel.target().node().index(), node.index());
+        let reader = channel.reader(data);
+        times = reader.read_inputs().unwrap().collect();
+        match reader.read_outputs().unwrap() {
+            gltf::animation::util::ReadOutputs::Translations(x) => translations = x.map(Vec3::from).collect(),
+            gltf::animation::util::ReadOutputs::MorphTargetWeights(w) => weights = w.into_f32().collect(),
+            _ => panic!("an unexpected channel"),
+        }
+    }
+    let mut frames = Frames::new(base.len());
+    for (t, translation) in translations.iter().enumerate() {
+        let w = &weights[t * targets.len()..(t + 1) * targets.len()];
+        let frame: Vec<Vec3> = (0..base.len())
+            .map(|v| *translation + targets.iter().zip(w).fold(base[v], |x, (target, w)| x + target[v] * *w))
+            .collect();
+        frames.push(&frame);
+    }
+    (frames, times)
+}
+
+/// `v` and `f` lines of an OBJ.
+fn read_obj(path: &Path) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let (mut vertices, mut faces) = (vec![], vec![]);
+    for line in std::fs::read_to_string(path).unwrap().lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[0] {
+            "v" => vertices.push(Vec3::from_array([1, 2, 3].map(|i| words[i].parse().unwrap()))),
+            "f" => faces.push([1, 2, 3].map(|i| words[i].parse::<u32>().unwrap() - 1)),
+            _ => {}
+        }
+    }
+    (vertices, faces)
+}
+
+#[test]
+fn gltf_and_obj_hold_the_same_motion_within_half_a_millimetre_on_every_frame() {
+    let (topology, vertices) = (tube(), motion(90));
+    let extras = serde_json::json!({"motion": "tube"});
+    let animation = Animation { name: "tube", topology: &topology, fps: 60.0, vertices: &vertices, extras: &extras };
+    let dir = tempfile::tempdir().unwrap();
+    let objs = write_obj_sequence(&dir.path().join("obj"), &animation, &Silent).unwrap();
+    assert_eq!(objs.len(), 90);
+    for file in ["tube.glb", "tube.gltf"] {
+        let path = dir.path().join(file);
+        let report = write_gltf(&path, &animation, &GltfConfig::default(), &Silent).unwrap();
+        assert!(report.targets > 5 && report.targets < 60 && report.max_error_m <= 0.25e-3, "{report:?}");
+        let (frames, times) = read_back(&path);
+        let mut worst = 0.0f32;
+        for (t, obj) in objs.iter().enumerate() {
+            assert!((times[t] - t as f32 / 60.0).abs() < 1e-6);
+            let (points, faces) = read_obj(obj);
+            assert_eq!(faces, topology.faces);
+            assert_eq!(points, vertices.frame(t), "an OBJ reads back to the bit");
+            for (x, p) in frames.frame(t).iter().zip(&points) {
+                worst = worst.max(x.distance(*p));
+            }
+        }
+        assert!(worst < 0.5e-3 && (worst - report.max_error_m).abs() < 5e-6, "{worst} {report:?}");
+    }
+}
+
+#[test]
+fn normals_follow_the_surface() {
+    let (topology, vertices) = (tube(), motion(60));
+    let animation = Animation {
+        name: "tube",
+        topology: &topology,
+        fps: 60.0,
+        vertices: &vertices,
+        extras: &serde_json::Value::Null,
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("tube.glb");
+    write_gltf(&path, &animation, &GltfConfig::default(), &Silent).unwrap();
+    let (document, buffers, _) = gltf::import(&path).unwrap();
+    let data = |buffer: gltf::Buffer| Some(&buffers[buffer.index()].0[..]);
+    let primitive = document.meshes().next().unwrap().primitives().next().unwrap();
+    let reader = primitive.reader(data);
+    let base: Vec<Vec3> = reader.read_normals().unwrap().map(Vec3::from).collect();
+    let targets: Vec<Vec<Vec3>> =
+        reader.read_morph_targets().map(|(_, n, _)| n.unwrap().map(Vec3::from).collect()).collect();
+    let weights: Vec<f32> = document
+        .animations()
+        .next()
+        .unwrap()
+        .channels()
+        .find_map(|c| match c.reader(data).read_outputs().unwrap() {
+            gltf::animation::util::ReadOutputs::MorphTargetWeights(w) => Some(w.into_f32().collect()),
+            _ => None,
+        })
+        .unwrap();
+    let mut sum = 0.0;
+    for t in 0..60 {
+        let exact = softtissue_geometry::vertex_normals(vertices.frame(t), &topology.faces);
+        for v in 0..base.len() {
+            let w = &weights[t * targets.len()..(t + 1) * targets.len()];
+            let n = targets.iter().zip(w).fold(base[v], |n, (target, w)| n + target[v] * *w);
+            sum += n.angle_between(exact[v]).to_degrees() / (60 * base.len()) as f32;
+        }
+    }
+    assert!(sum < 2.0, "mean angle {sum} degrees");
+}
+
+#[test]
+fn one_frame_and_exact_frames() {
+    let topology = tube();
+    let dir = tempfile::tempdir().unwrap();
+    for (frames, tolerance_m) in [(1, 0.25e-3), (12, 0.0)] {
+        let vertices = motion(frames);
+        let animation = Animation {
+            name: "still",
+            topology: &topology,
+            fps: 30.0,
+            vertices: &vertices,
+            extras: &serde_json::Value::Null,
+        };
+        let path = dir.path().join("still.glb");
+        let config = GltfConfig { tolerance_m, normals: false, ..Default::default() };
+        let report = write_gltf(&path, &animation, &config, &Silent).unwrap();
+        assert!(report.max_error_m < 1e-6, "{report:?}");
+        let (back, _) = read_back(&path);
+        assert_eq!(back.len(), frames);
+        for (x, p) in back.points().iter().zip(vertices.points()) {
+            assert!(x.distance(*p) < 2e-6);
+        }
+    }
+}
+
+#[test]
+fn the_same_motion_gives_the_same_bytes() {
+    let (topology, vertices) = (tube(), motion(30));
+    let animation = Animation {
+        name: "tube",
+        topology: &topology,
+        fps: 60.0,
+        vertices: &vertices,
+        extras: &serde_json::Value::Null,
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let write = |file: &str| {
+        let path = dir.path().join(file);
+        write_gltf(&path, &animation, &GltfConfig::default(), &Silent).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    assert_eq!(write("a.glb"), write("b.glb"));
+}
+
+#[test]
+fn bad_animations_and_targets_are_refused_and_nothing_is_written() {
+    let (topology, vertices) = (tube(), motion(3));
+    let null = serde_json::Value::Null;
+    let good = Animation { name: "tube", topology: &topology, fps: 60.0, vertices: &vertices, extras: &null };
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.glb");
+    let mut broken = vertices.clone();
+    broken.frame_mut(2)[7].y = f32::NAN;
+    let (none, few) = (Frames::new(5), Frames::zeros(5, 2));
+    for (animation, says) in [
+        (Animation { vertices: &broken, ..good }, "vertex 7 of frame 2"),
+        (Animation { vertices: &none, ..good }, "no frame"),
+        (Animation { vertices: &few, ..good }, "5 vertices"),
+        (Animation { fps: 0.0, ..good }, "0 frames a second"),
+        (Animation { fps: f32::NAN, ..good }, "NaN frames a second"),
+    ] {
+        let message = write_gltf(&path, &animation, &GltfConfig::default(), &Silent).unwrap_err().to_string();
+        assert!(message.contains(says), "{message}");
+        assert!(
+            write_obj_sequence(&dir.path().join("obj"), &animation, &Silent).unwrap_err().to_string().contains(says)
+        );
+    }
+    let message =
+        write_gltf(&dir.path().join("a.fbx"), &good, &GltfConfig::default(), &Silent).unwrap_err().to_string();
+    assert!(message.contains(".glb"), "{message}");
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+    // A folder of a longer sequence.
+    let obj = dir.path().join("obj");
+    write_obj_sequence(&obj, &Animation { vertices: &motion(5), ..good }, &Silent).unwrap();
+    assert!(matches!(write_obj_sequence(&obj, &good, &Silent), Err(ExportError::Target { .. })));
+}
