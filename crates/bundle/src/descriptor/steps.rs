@@ -1,6 +1,7 @@
 use super::forces::{ForceFeatures, ForceState};
 use super::pose::{PoseFeatures, PoseState};
 use super::{DescriptorConfig, FeatureBlock, FeatureKind, LowPass};
+use crate::posing::Posing;
 use glam::{Affine3A, Vec3};
 use softtissue_body::{BodyModel, Pose, Region, ShapedBody};
 use softtissue_geometry::Frames;
@@ -147,18 +148,13 @@ impl Descriptor {
         let (frames, size) = (translations.len(), self.len());
         let mut features = vec![0.0; frames * size];
         let mut state = self.state();
+        let mut posing = Posing::new(body);
         for (t, out) in features.chunks_exact_mut(size).enumerate() {
             let pose = Pose { rotations: rotations.frame(t), translation: translations[t] };
-            if matches!(self.kind, Kind::Pose(_)) {
-                self.step(&mut state, pose, &[], &[], out);
-                continue;
+            if matches!(self.kind, Kind::Forces(_)) {
+                posing.run(body, shaped, pose);
             }
-            let transforms = body.vertex_transforms(&body.joint_transforms(&shaped.joints, pose));
-            let offsets = body.pose_offsets(pose.rotations);
-            let skinned: Vec<Vec3> = (0..self.vertex_count)
-                .map(|v| transforms[v].transform_point3(shaped.vertices[v] + offsets[v]))
-                .collect();
-            self.step(&mut state, pose, &transforms, &skinned, out);
+            self.step(&mut state, pose, &posing.transforms, &posing.skinned, out);
         }
         self.look_ahead(&mut features);
         features
