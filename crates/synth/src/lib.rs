@@ -7,7 +7,13 @@
 //! Units: metres, seconds, radians. Right-handed, Y up, facing +Z. This room knows nothing of networks.
 
 pub mod dataset;
+mod error;
 pub mod flesh;
 pub mod motion;
 pub mod scanner;
 pub mod subject;
+
+pub use error::SynthError;
+
+/// Result of this crate.
+pub type Result<T> = std::result::Result<T, SynthError>;

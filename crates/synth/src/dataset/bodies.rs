@@ -1,0 +1,30 @@
+use crate::Result;
+use softtissue_body::procedural::{Levels, ProceduralBody, SubdivisionMap, generate, generate_levels};
+
+use super::SynthConfig;
+
+/// The body on which the flesh is simulated and the one that is scanned.
+#[derive(Clone, Debug)]
+pub struct Bodies {
+    /// Level 0: carries the flesh.
+    pub coarse: ProceduralBody,
+    /// Level 1 and the map that lifts fields to it, where the set is of that level.
+    pub fine: Option<(ProceduralBody, SubdivisionMap)>,
+}
+
+impl Bodies {
+    /// Makes the body that a configuration asks for.
+    pub fn generate(config: &SynthConfig) -> Result<Self> {
+        Ok(if config.level == 0 {
+            Self { coarse: generate(&config.body())?, fine: None }
+        } else {
+            let Levels { coarse, fine, subdivision } = generate_levels(&config.body())?;
+            Self { coarse, fine: Some((fine, subdivision)) }
+        })
+    }
+
+    /// The body that is scanned.
+    pub fn scanned(&self) -> &ProceduralBody {
+        self.fine.as_ref().map_or(&self.coarse, |(fine, _)| fine)
+    }
+}
