@@ -4,6 +4,7 @@
 //! frame), [`Subspace`] (latent to deltas) and the [`descriptor`] (poses to features). This room may use geometry
 //! and body only; it must never know the framework, training or the body's generator.
 
+mod advance;
 mod bundle;
 pub mod descriptor;
 mod error;

@@ -1,3 +1,4 @@
+use crate::advance::Clock;
 use crate::descriptor::{Descriptor, DescriptorState};
 use crate::posing::Posing;
 use crate::{Bundle, BundleError, RegressorState, Result, SubspaceScratch};
@@ -40,6 +41,7 @@ pub struct Player<B: Deref<Target = Bundle>> {
     teleported: Vec3,
     last_move: Vec3,
     frames: u64,
+    pub(crate) clock: Clock,
 }
 
 /// A copy of a pose.
@@ -61,8 +63,10 @@ pub struct StepReport {
     pub teleported: bool,
     /// Features outside their range in training, clipped to it.
     pub features_clipped: usize,
-    /// The state was no longer finite and the motion started over.
+    /// The motion started over: the state was no longer finite, or too much time had passed.
     pub restarted: bool,
+    /// The time step was no positive number.
+    pub time_ignored: bool,
     /// No delta yet: the model looks ahead and has not seen far enough.
     pub waiting: bool,
 }
@@ -70,6 +74,10 @@ pub struct StepReport {
 impl HeldPose {
     fn rest(joints: usize) -> Self {
         Self { rotations: vec![Vec3::ZERO; joints], translation: Vec3::ZERO, teleported: Vec3::ZERO }
+    }
+    fn clear(&mut self) {
+        self.rotations.fill(Vec3::ZERO);
+        (self.translation, self.teleported) = (Vec3::ZERO, Vec3::ZERO);
     }
     /// Copies without allocating.
     fn set(&mut self, other: &Self) {
@@ -114,6 +122,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             teleported: Vec3::ZERO,
             last_move: Vec3::ZERO,
             frames: 0,
+            clock: Clock::new(j),
             shaped,
             descriptor,
             bundle,
@@ -135,11 +144,17 @@ impl<B: Deref<Target = Bundle>> Player<B> {
 
     /// Forgets the motion: the next pose is a first one.
     pub fn reset(&mut self) {
+        self.input.clear();
+        self.shown.clear();
+        self.reset_motion();
+    }
+
+    /// Forgets what moved, keeps where the body stands.
+    pub(crate) fn reset_motion(&mut self) {
         self.descriptor_state = self.descriptor.state();
         self.regressor_state.reset();
-        self.input = HeldPose::rest(self.input.rotations.len());
-        self.shown.clone_from(&self.input);
         self.deltas.fill(Vec3::ZERO);
+        self.clock.stop();
         (self.teleported, self.last_move) = (Vec3::ZERO, Vec3::ZERO);
         (self.frames, self.posed) = (0, false);
     }
@@ -243,18 +258,34 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         Ok(frames)
     }
 
+    /// Whether a pose has the body's joints and numbers that can be computed with.
+    pub(crate) fn usable(&self, pose: Pose) -> bool {
+        pose.rotations.len() == self.input.rotations.len()
+            && pose.rotations.iter().all(|w| w.length() <= LONGEST_ROTATION)
+            && pose.translation.length() <= FARTHEST
+    }
+    /// Whether the root cannot have moved so far in so many frames.
+    pub(crate) fn is_teleport(&self, moved: Vec3, frames: f32) -> bool {
+        moved.length() * self.bundle.descriptor.fps > TELEPORT_SPEED * frames
+    }
+    /// Shows the newest deltas on this pose, unless they belong to an earlier one.
+    pub(crate) fn show_now(&mut self, pose: Pose) {
+        if self.delay_frames() == 0 {
+            self.shown.rotations.copy_from_slice(pose.rotations);
+            (self.shown.translation, self.shown.teleported) = (pose.translation, self.teleported);
+            self.posed = false;
+        }
+    }
+
     /// Takes a usable pose over; tells teleports from motion.
     fn accept(&mut self, pose: Pose, report: &mut StepReport) {
-        let usable = pose.rotations.len() == self.input.rotations.len()
-            && pose.rotations.iter().all(|w| w.length() <= LONGEST_ROTATION)
-            && pose.translation.length() <= FARTHEST;
-        if !usable {
+        if !self.usable(pose) {
             report.pose_held = true;
             return;
         }
         if self.frames > 0 {
             let moved = pose.translation - self.input.translation;
-            if moved.length() * self.bundle.descriptor.fps > TELEPORT_SPEED {
+            if self.is_teleport(moved, 1.0) {
                 self.teleported += moved - self.last_move;
                 report.teleported = true;
             } else {

@@ -1,0 +1,47 @@
+//! A playing player allocates nothing.
+
+#![allow(unsafe_code, reason = "an allocator that counts cannot be written without; it only forwards to the system's")]
+
+#[path = "bundle/tiny.rs"]
+#[allow(dead_code, reason = "this binary needs a part of it")]
+mod tiny;
+
+use softtissue_body::Pose;
+use softtissue_bundle::Player;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+struct Counting;
+static COUNT: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call goes to the system allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn a_step_allocates_nothing() {
+    let (rotations, translations) = tiny::motion(60);
+    for parts in [tiny::Parts::default(), tiny::Parts { look_ahead: 3, ..Default::default() }] {
+        let bundle = tiny::bundle(parts);
+        let mut player = Player::new(&bundle, &[0.5]).unwrap();
+        let pose = |t: usize| Pose { rotations: rotations.frame(t), translation: translations[t] };
+        let before = COUNT.load(Ordering::Relaxed);
+        assert!(before > 100, "the counter counts");
+        for t in 0..60 {
+            player.step(pose(t));
+            player.vertices();
+            player.advance(pose(t), 0.01);
+        }
+        assert_eq!(COUNT.load(Ordering::Relaxed) - before, 0, "{parts:?}");
+    }
+}
