@@ -305,3 +305,93 @@ fn to_f32(m: MatRef<f64>) -> Mat<f32> {
 fn orthonormal(m: Mat<f64>) -> Mat<f64> {
     m.qr().compute_thin_Q()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use softtissue_monitor::Silent;
+
+    /// Frames whose decomposition is known: `x_t = mean + sum_k s_k u_k(t) v_k` with `u_k` cosines (orthonormal and
+    /// without mean over whole periods) and `v_k` unit vectors, plus the singular values.
+    fn known(frames: usize, points: usize, count: usize) -> (Frames, Vec<f64>) {
+        let sizes: Vec<f64> = (0..count).map(|k| 0.8f64.powi(k as i32)).collect();
+        let mut numbers = vec![0.0f32; frames * points * 3];
+        for t in 0..frames {
+            let row = &mut numbers[t * points * 3..][..points * 3];
+            row.iter_mut().enumerate().for_each(|(i, x)| *x = 0.01 * i as f32);
+            for (k, s) in sizes.iter().enumerate() {
+                let angle = std::f64::consts::PI * (t as f64 + 0.5) * (k + 1) as f64 / frames as f64;
+                row[(7 * k) % (points * 3)] += (s * (2.0 / frames as f64).sqrt() * angle.cos()) as f32;
+            }
+        }
+        (Frames::from_numbers(points, &numbers), sizes)
+    }
+
+    fn fit(source: &[Frames], components: usize) -> Pca {
+        let config = PcaConfig { components, oversampling: 6, ..PcaConfig::default() };
+        Pca::fit(source, &config, &mut Draws::new(1, "pca", 0, 0), &Silent).unwrap()
+    }
+
+    #[test]
+    fn known_components_are_found_in_order() {
+        let (frames, sizes) = known(200, 40, 20);
+        let pca = fit(std::slice::from_ref(&frames), 8);
+        let total: f64 = sizes.iter().map(|s| s * s / 200.0).sum();
+        assert!((pca.total_variance / total - 1.0).abs() < 1e-5);
+        for k in 0..8 {
+            let expected = sizes[k] * sizes[k] / 200.0;
+            assert!((pca.variances[k] / expected - 1.0).abs() < 1e-3, "{k}: {} {expected}", pca.variances[k]);
+            let held = pca.basis.directions.row(k)[(7 * k) % 120];
+            assert!(held > 0.98, "direction {k} holds {held} of its own, and its sign is positive");
+        }
+        assert!((pca.basis.mean[5] - 0.05).abs() < 1e-5);
+        assert_eq!([0.5, 0.95, 0.99].map(|part| pca.components_for(part)), [Some(2), Some(7), None]);
+    }
+
+    #[test]
+    fn agrees_with_a_dense_decomposition_of_noise_free_rank_and_streams() {
+        let mut draws = Draws::new(9, "dense", 0, 0);
+        let (t, w, rank) = (90, 48, 10);
+        let left = Mat::<f64>::from_fn(t, rank, |_, _| draws.normal());
+        let right = Mat::<f64>::from_fn(rank, w, |k, _| draws.normal() * 0.6f64.powi(k as i32));
+        let x = &left * &right;
+        let numbers: Vec<f32> = (0..t * w).map(|i| x[(i / w, i % w)] as f32).collect();
+        let whole = Frames::from_numbers(w / 3, &numbers);
+        let parts = [whole.slice(0..17), whole.slice(17..60), whole.slice(60..90)];
+        let pca = fit(&parts, 5);
+        let centred = Mat::from_fn(t, w, |i, j| x[(i, j)] - x.col(j).iter().sum::<f64>() / t as f64);
+        let dense = centred.thin_svd().unwrap();
+        for k in 0..5 {
+            let s = dense.S()[k];
+            assert!((pca.variances[k] / (s * s / t as f64) - 1.0).abs() < 1e-4, "{k}");
+            let dot: f64 = (0..w).map(|j| dense.V()[(j, k)] * f64::from(pca.basis.directions.row(k)[j])).sum();
+            assert!((dot.abs() - 1.0).abs() < 1e-4, "{k}: {dot}");
+        }
+        let again = fit(&parts, 5);
+        assert_eq!(pca, again);
+    }
+
+    #[test]
+    fn coefficients_and_deltas_are_inverse_inside_the_subspace() {
+        let (frames, _) = known(60, 10, 4);
+        let pca = fit(std::slice::from_ref(&frames), 4);
+        let coefficients = coefficients_of(&pca.basis, &frames);
+        let back = deltas_of(&pca.basis, &coefficients);
+        let worst = back.points().iter().zip(frames.points()).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+        assert!(worst < 1e-5, "{worst}");
+        let two = pca.truncated(2);
+        let short = coefficients_of(&two.basis, &frames);
+        assert!((short[2] - coefficients[4]).abs() < 1e-6 && two.components() == 2);
+    }
+
+    #[test]
+    fn one_frame_is_refused() {
+        let error = Pca::fit(
+            std::slice::from_ref(&Frames::zeros(4, 1)),
+            &PcaConfig::default(),
+            &mut Draws::new(1, "pca", 0, 0),
+            &Silent,
+        );
+        assert!(matches!(error, Err(ModelError::Data(_))));
+    }
+}

@@ -8,6 +8,8 @@ mod ladder;
 mod readout;
 mod score;
 mod solve;
+#[cfg(test)]
+mod tests;
 
 pub use ar2::{Ar2, Ar2Config, fit_ar2};
 pub use ladder::{
