@@ -13,6 +13,7 @@ mod method;
 mod metrics;
 mod probe;
 pub mod protocol;
+pub mod report;
 mod subspace;
 mod tally;
 

@@ -1,0 +1,87 @@
+// Puts the data into charts and the viewer.
+
+(function () {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  document.body.append(tip);
+  const at = (id) => document.getElementById(id);
+  const colours = {};
+  data.methods.filter((m) => m !== "body" && m.split("/")[0] !== "softtissue").forEach((m, i) => (colours[m] = colourOf(m, i)));
+  const colour = (name, i) => colours[name] || colourOf(name, i || 0);
+  const label = (name) => data.labels[name] || name;
+  const series = (curves) => curves.map(([name, points], i) => ({ name, label: label(name), colour: colour(name, i), points }));
+  const strong = (name) => name.split("/")[0] === "softtissue";
+
+  // A chart with a chooser: draws entry `index` and keeps what was switched off.
+  function chooser(id, entries, draw) {
+    const host = at(id);
+    if (!host || !entries.length) return () => {};
+    const state = { index: 0, hidden: new Set() };
+    const redraw = () => lineChart(host, {
+      ...draw(entries[state.index]),
+      hidden: state.hidden,
+      choose: { label: "Choose a chart", names: entries.map((e) => e.name || e.clip), index: state.index, change: (i) => { state.index = i; redraw(); } },
+    });
+    return redraw;
+  }
+
+  const drawTime = chooser("chart-time", data.over_time, (clip) => ({
+    title: "Mean error of soft vertices", x: "seconds", xUnit: "s", y: "mm", unit: "mm", zero: true,
+    series: series(clip.curves.map(([name, values]) => [name, values.map((y, t) => [t / clip.fps, y])])),
+  }));
+  const drawSpectra = chooser("chart-spectra", data.spectra, (region) => ({
+    title: "Power over frequency, mean over clips", x: "hertz", xUnit: "Hz", y: "dB over 1 mm²/Hz", unit: "dB", floor: (top) => top - 50, series: series(region.curves),
+  }));
+  const drawDecay = chooser("chart-decay", data.decays, (region) => ({
+    title: "Regional mean along its main axis", x: "seconds after landing", xUnit: "s", y: "mm", unit: "mm", series: series(region.curves),
+  }));
+  const drawTraining = chooser("chart-training", data.training, (stage) => ({
+    title: stage.name, x: "step", y: "", log: stage.curves.every(([, c]) => c.every(([, y]) => y > 0)), series: series(stage.curves),
+  }));
+
+  function drawBars() {
+    const row = (value) => (b) => ({ label: label(b.name), value: b[value], colour: colour(b.name), strong: strong(b.name) });
+    if (at("chart-soft")) barChart(at("chart-soft"), { title: "Soft ratio: error over the body's own (less is better)", rows: data.bars.map(row("soft_ratio")) });
+    if (at("chart-energy")) barChart(at("chart-energy"), { title: "Energy: speed over the true one (1 is right)", rows: data.bars.map(row("energy")), limits: [1] });
+    if (at("chart-subspace") && data.subspace.length) {
+      const truth = data.subspace.some((s) => s.pca !== null);
+      groupChart(at("chart-subspace"), {
+        title: truth ? "Error against the true deltas" : "Error against the input", y: "mm",
+        groups: data.subspace.map((s) => ({ label: s.latent + " numbers", bars: [
+          { label: "PCA", value: truth ? s.pca : s.scan_pca, colour: "var(--c-body)" },
+          { label: "autoencoder", value: truth ? s.ae : s.scan_ae, colour: "var(--c-ours)" }] })),
+      });
+    }
+  }
+
+  let placeCursor = null, playing = null;
+  function drawPlay() {
+    if (!playing) return;
+    const [clip, curves] = playing;
+    placeCursor = lineChart(at("chart-play"), {
+      title: "Mean error of soft vertices in this clip, mm", unit: "mm", xUnit: "s", zero: true, height: 120,
+      series: series([["body", curves.body], [clip.method, curves[clip.method]]]),
+      seek: (seconds) => { player.setPlaying(false); player.show(Math.round(seconds * clip.fps)); },
+    });
+  }
+  const player = data.mesh && new Player(data, (seconds) => placeCursor && placeCursor(seconds), (clip, curves) => { playing = [clip, curves]; drawPlay(); });
+
+  function drawAll() {
+    [drawTime, drawSpectra, drawDecay, drawTraining, drawBars, drawPlay].forEach((draw) => draw());
+  }
+  drawAll();
+  let width = innerWidth;
+  addEventListener("resize", () => { if (innerWidth !== width) { width = innerWidth; drawAll(); } });
+
+  if (player) player.start().catch((error) => {
+    at("viewer").hidden = true;
+    at("viewer-missing").hidden = false;
+    at("viewer-missing").textContent = `The 3D view cannot be shown: ${error.message}. Everything else on this page works without it.`;
+  });
+
+  const root = document.documentElement;
+  at("theme").addEventListener("click", () => {
+    const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+    root.dataset.theme = dark ? "light" : "dark";
+    if (player) player.show(player.frame);
+  });
+})();

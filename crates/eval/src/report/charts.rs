@@ -1,0 +1,217 @@
+//! The data behind charts and the 3D view, as JSON for the page's script.
+
+use super::pack::{Packed, pack, pack_bytes};
+use super::text::{by_rank, is_channel, method_label};
+use super::{PlaybackClip, ReportInput};
+use crate::MOVING;
+use crate::measures::Spectrum;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Packed clips may fill this many bytes of the file.
+const PLAYBACK_BYTES: usize = 22 << 20;
+
+#[derive(Serialize)]
+pub struct PageData {
+    labels: BTreeMap<String, String>,
+    methods: Vec<String>,
+    bars: Vec<MethodBar>,
+    over_time: Vec<OverTime>,
+    subspace: Vec<SubspaceRow>,
+    spectra: Vec<RegionCurves>,
+    decays: Vec<RegionCurves>,
+    training: Vec<RegionCurves>,
+    mesh: Option<MeshData>,
+    playback: Vec<Play>,
+}
+
+#[derive(Serialize)]
+struct MethodBar {
+    name: String,
+    soft_ratio: Option<f64>,
+    energy: Option<f64>,
+    soft_mm: Option<f64>,
+    soft_std: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct OverTime {
+    clip: String,
+    fps: f32,
+    curves: Vec<(String, Vec<f32>)>,
+}
+
+#[derive(Serialize)]
+struct SubspaceRow {
+    latent: u32,
+    pca: Option<f64>,
+    ae: Option<f64>,
+    scan_pca: Option<f64>,
+    scan_ae: Option<f64>,
+}
+
+/// One chart with a name to choose it by, e.g. a region.
+#[derive(Serialize)]
+struct RegionCurves {
+    name: String,
+    curves: Vec<(String, Vec<[f64; 2]>)>,
+}
+
+#[derive(Serialize)]
+struct MeshData {
+    vertices: usize,
+    faces: String,
+    soft: String,
+}
+
+#[derive(Serialize)]
+struct Play {
+    clip: String,
+    fps: f32,
+    frames: usize,
+    method: String,
+    truth: bool,
+    alone: Packed,
+    reference: Packed,
+    predicted: Packed,
+}
+
+impl PageData {
+    pub fn new(input: &ReportInput) -> Self {
+        let mut methods: Vec<String> = input.metrics.methods.keys().filter(|n| !is_channel(n)).cloned().collect();
+        methods.sort_by(|a, b| by_rank(a, b));
+        let mut labels: BTreeMap<String, String> = methods.iter().map(|n| (n.clone(), method_label(n))).collect();
+        labels.insert("truth".into(), if input.metrics.truth { "truth" } else { "scans" }.into());
+        let playback = plays(input.playback);
+        Self {
+            bars: methods.iter().map(|n| bar(input, n)).collect(),
+            over_time: over_time(input, &methods),
+            subspace: subspace(input),
+            spectra: spectra(input, &methods),
+            decays: decays(input, &methods),
+            training: training(input),
+            mesh: (!playback.is_empty()).then(|| mesh(input)),
+            playback,
+            labels,
+            methods,
+        }
+    }
+    /// Clips that made it into the file.
+    pub fn clips(&self) -> usize {
+        self.playback.len()
+    }
+}
+
+fn bar(input: &ReportInput, name: &str) -> MethodBar {
+    let m = &input.metrics.methods[name];
+    let soft = m.regions.get("soft").copied().unwrap_or_default();
+    MethodBar {
+        name: name.to_owned(),
+        soft_ratio: m.soft_ratio,
+        energy: soft.energy_ratio,
+        soft_mm: soft.mean_mm,
+        soft_std: soft.std_mm,
+    }
+}
+
+fn over_time(input: &ReportInput, methods: &[String]) -> Vec<OverTime> {
+    let clips = input.tally.map_or(&[][..], |t| &t.clips);
+    let rounded = |x: &f32| (x * 1000.0).round() / 1000.0;
+    clips
+        .iter()
+        .map(|clip| {
+            let curve = |n: &String| {
+                let tally = clip.methods.get(n)?.as_ref()?;
+                Some((n.clone(), tally.soft_error_mm.iter().map(rounded).collect()))
+            };
+            OverTime { clip: clip.id.to_string(), fps: clip.fps, curves: methods.iter().filter_map(curve).collect() }
+        })
+        .collect()
+}
+
+fn subspace(input: &ReportInput) -> Vec<SubspaceRow> {
+    let row = |(latent, m): (&u32, &crate::SubspaceMetrics)| SubspaceRow {
+        latent: *latent,
+        pca: m.pca_mm,
+        ae: m.ae_mm,
+        scan_pca: m.scan_pca_mm,
+        scan_ae: m.scan_ae_mm,
+    };
+    input.metrics.subspace.iter().map(row).collect()
+}
+
+fn spectra(input: &ReportInput, methods: &[String]) -> Vec<RegionCurves> {
+    let Some(tally) = input.tally else { return Vec::new() };
+    // decibels over 1 mm^2/Hz; silence has no curve
+    let curve = |s: Spectrum| -> Vec<[f64; 2]> {
+        s.hz.iter()
+            .zip(&s.power)
+            .filter(|(_, p)| **p > 1e-12)
+            .map(|(f, p)| [*f, (100.0 * p.log10()).round() / 10.0])
+            .collect()
+    };
+    let region = |r: &softtissue_body::Region| {
+        let reference = tally.mean_spectrum(None, *r)?;
+        let mut curves = vec![("truth".to_owned(), curve(reference))];
+        curves.extend(methods.iter().filter_map(|m| Some((m.clone(), curve(tally.mean_spectrum(Some(m), *r)?)))));
+        curves.retain(|(_, c)| !c.is_empty());
+        Some(RegionCurves { name: r.name().to_owned(), curves })
+    };
+    MOVING.iter().filter_map(region).collect()
+}
+
+fn decays(input: &ReportInput, methods: &[String]) -> Vec<RegionCurves> {
+    let chart = |d: &crate::DecayTrace| {
+        let names = std::iter::once("truth").chain(methods.iter().map(String::as_str));
+        let points = |c: &Vec<f32>| {
+            let mean = c.iter().sum::<f32>() / c.len().max(1) as f32;
+            let point = |(t, x): (usize, &f32)| [t as f64 / f64::from(d.fps), f64::from(x - mean)];
+            c.iter().enumerate().map(point).collect()
+        };
+        let curves = names.filter_map(|n| Some((n.to_owned(), points(d.curves.get(n)?)))).collect();
+        RegionCurves { name: format!("{} · {}", d.region.name(), d.subject), curves }
+    };
+    input.decays.iter().map(chart).collect()
+}
+
+fn training(input: &ReportInput) -> Vec<RegionCurves> {
+    let mut charts: Vec<RegionCurves> = Vec::new();
+    for curve in input.training {
+        let line = (curve.name.clone(), curve.points.clone());
+        match charts.iter_mut().find(|c| c.name == curve.stage) {
+            Some(chart) => chart.curves.push(line),
+            None => charts.push(RegionCurves { name: curve.stage.clone(), curves: vec![line] }),
+        }
+    }
+    charts
+}
+
+fn mesh(input: &ReportInput) -> MeshData {
+    let faces: Vec<u8> = input.body.topology.faces.iter().flatten().flat_map(|i| i.to_le_bytes()).collect();
+    let soft: Vec<u8> = input.body.regions.0.iter().map(|r| u8::from(r.is_soft())).collect();
+    MeshData { vertices: input.body.vertex_count(), faces: pack_bytes(&faces), soft: pack_bytes(&soft) }
+}
+
+/// A tenth of a millimetre for bodies, a fiftieth for displacements: neither can be seen.
+fn plays(clips: &[PlaybackClip]) -> Vec<Play> {
+    let mut used = 0;
+    let mut plays: Vec<Play> = Vec::new();
+    for clip in clips {
+        let play = Play {
+            clip: clip.id.to_string(),
+            fps: clip.fps,
+            frames: clip.body_alone.len(),
+            method: clip.method.clone(),
+            truth: clip.truth,
+            alone: pack(&clip.body_alone, 1e-4, true),
+            reference: pack(&clip.reference, 2e-5, false),
+            predicted: pack(&clip.predicted, 2e-5, false),
+        };
+        let bytes = play.alone.data.len() + play.reference.data.len() + play.predicted.data.len();
+        if used + bytes <= PLAYBACK_BYTES || plays.is_empty() {
+            used += bytes;
+            plays.push(play);
+        }
+    }
+    plays
+}

@@ -1,0 +1,188 @@
+//! The page as a whole.
+
+use super::charts::PageData;
+use super::text::{escape, thousands};
+use super::{ReportInput, tables};
+use crate::{EvalError, Result};
+use std::fmt::Write;
+
+const CSS: &str = include_str!("assets/report.css");
+const CHARTS: &str = include_str!("assets/charts.js");
+const VIEWER: &str = include_str!("assets/viewer.js");
+const PAGE: &str = include_str!("assets/page.js");
+const VIEW: &str = include_str!("assets/view.html");
+const WORDS: &str = include_str!("assets/words.html");
+
+pub fn html(input: &ReportInput) -> Result<String> {
+    let data = PageData::new(input);
+    let json = serde_json::to_string(&data)
+        .map_err(|e| EvalError::Refused(format!("the report's data cannot be written: {e}")))?
+        // no tag can end inside a string
+        .replace('<', "\\u003c");
+    let mut out = String::with_capacity(json.len() + (1 << 17));
+    let title = escape(input.title);
+    let _ = write!(
+        out,
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title} – softtissue report</title>\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:\">\
+         <link rel=\"icon\" href=\"data:,\"><style>{CSS}</style></head><body>"
+    );
+    out += &header(input, &title);
+    out += "<main>";
+    out += &tables::headline(input.metrics);
+    for s in sections(input, &data) {
+        let _ = write!(out, "<section id=\"{}\"><h2>{}</h2>{}</section>", s.id, s.title, s.body);
+    }
+    out += "</main><footer>Made by softtissue. This file stands alone: it loads nothing.</footer>";
+    let _ = write!(
+        out,
+        "<script type=\"application/json\" id=\"data\">{json}</script><script>{CHARTS}{VIEWER}{PAGE}</script></body></html>"
+    );
+    Ok(out)
+}
+
+fn header(input: &ReportInput, title: &str) -> String {
+    let m = input.metrics;
+    let count =
+        |n: usize, one: &str, many: &str| format!("{} {}", thousands(n as i64), if n == 1 { one } else { many });
+    let reference = if m.truth { "held against the simulator's truth" } else { "held against the scans" };
+    let mut links = String::new();
+    for (id, name, shown) in nav(input) {
+        if shown {
+            let _ = write!(links, "<a href=\"#{id}\">{name}</a>");
+        }
+    }
+    format!(
+        "<header><div class=\"bar\"><span class=\"mark\">softtissue</span><nav>{links}</nav>\
+         <button id=\"theme\" type=\"button\" aria-label=\"Switch between light and dark\">◐</button></div>\
+         <div class=\"title\"><h1>{title}</h1><p>{} of {}, {} of {} vertices, {reference}. Protocol: {}. Seed {}.</p></div></header>",
+        count(m.clips.len(), "clip", "clips"),
+        count(m.data.subjects.len(), "subject", "subjects"),
+        count(m.data.frames, "frame", "frames"),
+        thousands(m.data.vertices as i64),
+        escape(&m.protocol.replace('-', " ")),
+        m.seed,
+    )
+}
+
+struct Section {
+    id: &'static str,
+    title: &'static str,
+    body: String,
+}
+
+/// Which sections there are, for the bar at the top.
+fn nav(input: &ReportInput) -> [(&'static str, &'static str, bool); 7] {
+    let m = input.metrics;
+    [
+        ("view", "See it move", !input.playback.is_empty()),
+        ("gates", "Acceptance", !m.gates.is_empty()),
+        ("errors", "Errors", !m.methods.is_empty()),
+        ("motion", "Motion", !m.methods.is_empty()),
+        ("subspace", "Subspace", !m.subspace.is_empty()),
+        ("fit", "Fit", m.fit.is_some() || !m.fit_objectives.is_empty()),
+        ("run", "Run", !input.facts.is_empty() || !input.stages.is_empty() || !input.training.is_empty()),
+    ]
+}
+
+fn sections(input: &ReportInput, data: &PageData) -> Vec<Section> {
+    let m = input.metrics;
+    let mut sections: Vec<Section> = Vec::new();
+    for (id, title, shown) in nav(input) {
+        if !shown {
+            continue;
+        }
+        let body = match id {
+            "view" => view(input, data),
+            "gates" => tables::gates(m),
+            "errors" => errors(input),
+            "motion" => motion(input),
+            "subspace" => subspace(input),
+            "fit" => tables::fit(m),
+            _ => {
+                tables::run(input)
+                    + if input.training.is_empty() {
+                        ""
+                    } else {
+                        "<h3>Training</h3><div class=\"chart pick\" id=\"chart-training\"></div>"
+                    }
+            }
+        };
+        sections.push(Section { id, title, body });
+    }
+    sections.push(Section { id: "words", title: "What the figures mean", body: WORDS.to_owned() });
+    sections
+}
+
+fn view(input: &ReportInput, data: &PageData) -> String {
+    let left_out = input.playback.len() - data.clips();
+    let note = match left_out {
+        0 => String::new(),
+        n => format!("<p class=\"remark\">{n} more would have made this file too large and were left out.</p>"),
+    };
+    let name = if input.metrics.truth { "Truth" } else { "Scan" };
+    VIEW.replace("{reference}", name) + &note
+}
+
+fn errors(input: &ReportInput) -> String {
+    let m = input.metrics;
+    let against = if m.truth { "the true deltas" } else { "the scans' deltas" };
+    let mut out = format!(
+        "<p>Distance of predicted from reference displacement of the unposed skin, mean ± standard deviation over vertices and frames, \
+         against {against}. The methods roll out freely from rest; nothing of these clips was seen in training. Bold: the least.</p>"
+    );
+    out += &tables::errors(m, false);
+    out += "<div class=\"two\"><div class=\"chart\" id=\"chart-soft\"></div><div class=\"chart\" id=\"chart-energy\"></div></div>";
+    if m.truth {
+        out += "<details><summary>The same against the scans' deltas, scanner noise included</summary>";
+        out += &tables::errors(m, true);
+        out += "</details>";
+    }
+    if input.tally.is_some_and(|t| !t.clips.is_empty()) {
+        out += "<h3>Error over time</h3><div class=\"chart pick\" id=\"chart-time\"></div>";
+    }
+    let channels = tables::channels(m);
+    if !channels.is_empty() {
+        out += "<h3>Other sources of pose</h3><p>The same models, driven by the motion fitted to the test scan and by a rough one with \
+                smooth errors of a degree or two.</p>";
+        out += &channels;
+    }
+    out
+}
+
+fn motion(input: &ReportInput) -> String {
+    let m = input.metrics;
+    let mut out = "<p>An error alone rewards standing still. These figures say whether the flesh moves as much, as fast and as long as it should.</p>".to_owned();
+    out += &tables::motion(m);
+    if input.tally.is_some_and(|t| t.clips.iter().any(|c| !c.spectra.is_empty())) {
+        out += "<h3>Spectra of regional means</h3><div class=\"chart pick\" id=\"chart-spectra\"></div>";
+    }
+    let regions = tables::regions(m);
+    if !regions.is_empty() {
+        out += "<details><summary>softtissue region by region</summary>";
+        out += &regions;
+        out += "</details>";
+    }
+    if !input.decays.is_empty() {
+        out += "<h3>Free decay after landing</h3><p>The motion has ended; what is left is the flesh's own ringing.</p>\
+                <div class=\"chart pick\" id=\"chart-decay\"></div>";
+    }
+    if !m.decays.is_empty() {
+        out += &tables::decays(m);
+    }
+    out
+}
+
+fn subspace(input: &ReportInput) -> String {
+    let truth = input.metrics.subspace.values().any(|s| s.pca_mm.is_some());
+    let lead = if truth {
+        "Scan deltas in, error against the true deltas, mean over all vertices."
+    } else {
+        "Scan deltas in, error against them, mean over all vertices."
+    };
+    format!(
+        "<p>{lead} Both see the same few numbers a frame.</p><div class=\"chart\" id=\"chart-subspace\"></div>{}",
+        tables::subspace(input.metrics)
+    )
+}
