@@ -154,7 +154,14 @@ impl Surface<'_> {
     }
 
     #[inline(always)]
-    fn accumulate_bones(&self, bones: &Influences, kinematics: &Kinematics, r: &Residual, weight: f32, sums: &mut Sums) {
+    fn accumulate_bones(
+        &self,
+        bones: &Influences,
+        kinematics: &Kinematics,
+        r: &Residual,
+        weight: f32,
+        sums: &mut Sums,
+    ) {
         let root = weight.sqrt();
         // rows of the weighted 3 x 3 that takes a motion of the carried point to the residual
         let rows = (r.motion * root).transpose();
@@ -197,7 +204,9 @@ impl Surface<'_> {
             for (k, b) in self.packed.influences[v].iter() {
                 let y = kinematics.transforms[k].transform_point3a(r.carried) - kinematics.origin;
                 let turn = y.cross(force);
-                for (sum, x) in sums.bone_shape[k * shapes + s].iter_mut().zip(turn.to_array().into_iter().chain(force.to_array())) {
+                for (sum, x) in
+                    sums.bone_shape[k * shapes + s].iter_mut().zip(turn.to_array().into_iter().chain(force.to_array()))
+                {
                     *sum += f64::from(b * x);
                 }
             }
@@ -209,7 +218,14 @@ impl Surface<'_> {
     }
 
     #[inline(always)]
-    pub(crate) fn residual(&self, kinematics: &Kinematics, v: usize, offsets: &[f32; LANES], place: usize, scan: Vec3) -> Residual {
+    pub(crate) fn residual(
+        &self,
+        kinematics: &Kinematics,
+        v: usize,
+        offsets: &[f32; LANES],
+        place: usize,
+        scan: Vec3,
+    ) -> Residual {
         let bones = &self.packed.influences[v];
         let offset = Vec3::new(offsets[3 * place], offsets[3 * place + 1], offsets[3 * place + 2]);
         let rest = Vec3A::from(self.rest[v] + offset);
@@ -234,7 +250,12 @@ impl Surface<'_> {
                 }
                 let rest_from_posed = blended.matrix3.inverse();
                 let unposed = rest_from_posed * (scan - blended.translation);
-                Residual { value: unposed - rest, carried: unposed, motion: -rest_from_posed, correction: -Mat3A::IDENTITY }
+                Residual {
+                    value: unposed - rest,
+                    carried: unposed,
+                    motion: -rest_from_posed,
+                    correction: -Mat3A::IDENTITY,
+                }
             }
         }
     }

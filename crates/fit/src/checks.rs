@@ -111,7 +111,10 @@ fn the_matrix_is_that_of_gauss_newton() {
             let second = |h: f64| (case.moved(&beta, i, h) + case.moved(&beta, i, -h)) / (2.0 * h * h);
             let curvature = (4.0 * second(1e-2) - second(2e-2)) / 3.0;
             let own = normal.hessian[i * n + i];
-            assert!((own - curvature).abs() < tolerance * own.max(1e-4), "{kind:?}, parameter {i}: {own} for {curvature}");
+            assert!(
+                (own - curvature).abs() < tolerance * own.max(1e-4),
+                "{kind:?}, parameter {i}: {own} for {curvature}"
+            );
         }
         // off the diagonal, by the gradient after a step along one parameter
         let mut step = vec![0.0; 75];
@@ -122,7 +125,11 @@ fn the_matrix_is_that_of_gauss_newton() {
         let scale = (0..n).map(|i| (normal.hessian[i * n + 51] * 2e-3).abs()).fold(0.0, f64::max);
         for i in 0..n {
             let predicted = normal.hessian[i * n + 51] * 2e-3;
-            assert!((after.gradient[i] - predicted).abs() < 2e-2 * scale, "{kind:?} {i}: {} for {predicted}", after.gradient[i]);
+            assert!(
+                (after.gradient[i] - predicted).abs() < 2e-2 * scale,
+                "{kind:?} {i}: {} for {predicted}",
+                after.gradient[i]
+            );
         }
     }
 }

@@ -58,7 +58,8 @@ mod tests {
         let mut a = vec![0.0; n * n];
         for i in 0..n {
             for j in 0..n {
-                a[i * n + j] = (0..n).map(|k| b[k * n + i] * b[k * n + j]).sum::<f64>() + if i == j { 0.5 } else { 0.0 };
+                a[i * n + j] =
+                    (0..n).map(|k| b[k * n + i] * b[k * n + j]).sum::<f64>() + if i == j { 0.5 } else { 0.0 };
             }
         }
         let x: Vec<f64> = (0..n).map(|i| i as f64 - 2.0).collect();

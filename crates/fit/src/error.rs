@@ -15,7 +15,9 @@ pub enum FitError {
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The scans are not in the body's template topology.
-    #[error("the scans have {scans} vertices a frame and the body has {body}: fit them with the body whose template they are registered to")]
+    #[error(
+        "the scans have {scans} vertices a frame and the body has {body}: fit them with the body whose template they are registered to"
+    )]
     VertexCount {
         /// Vertices of the scans.
         scans: usize,
@@ -23,7 +25,9 @@ pub enum FitError {
         body: usize,
     },
     /// Equal counts, other connectivity.
-    #[error("the scans' topology is {scans}, the body's is {body}: equal vertex counts, but other vertices; fit them with the body whose template they are registered to")]
+    #[error(
+        "the scans' topology is {scans}, the body's is {body}: equal vertex counts, but other vertices; fit them with the body whose template they are registered to"
+    )]
     Topology {
         /// Hash of the scans' topology.
         scans: String,
@@ -44,7 +48,9 @@ pub enum FitError {
     #[error("clip {0} has no frame; leave it out")]
     Empty(ClipId),
     /// A training clip that the body cannot be brought near.
-    #[error("clip {clip}: after the fit its vertices still lie {distance_m:.3} m from the body; are its units metres, is Y up, and is its vertex order the template's?")]
+    #[error(
+        "clip {clip}: after the fit its vertices still lie {distance_m:.3} m from the body; are its units metres, is Y up, and is its vertex order the template's?"
+    )]
     NotThisBody {
         /// Which clip.
         clip: ClipId,

@@ -15,18 +15,26 @@ mod cholesky;
 mod config;
 mod cross;
 mod error;
+mod motion;
 mod normal;
 mod objective;
 mod packed;
 mod pose_state;
+mod set;
 mod shape;
 mod solve;
 mod start;
+mod subject;
+mod template;
+mod weights;
 
 pub use config::{FitConfig, ObjectiveKind, Solver};
 pub use error::FitError;
+pub use motion::{FittedMotion, fit_motion};
 pub use objective::{Objective, WeightedBody};
 pub use packed::PackedBody;
+pub use set::{ClipQuality, fit_set};
+pub use weights::region_weights;
 
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, FitError>;
@@ -35,4 +43,5 @@ pub type Result<T> = std::result::Result<T, FitError>;
 mod checks;
 #[cfg(test)]
 #[path = "../tests/fit/figure.rs"]
+#[allow(dead_code, reason = "shared with the integration tests, which use all of it")]
 mod figure;

@@ -23,7 +23,11 @@ type Slope = [[f64; 9]; 3];
 pub(crate) type ShapeTranslations = Vec<Vec<Vec3A>>;
 
 /// Joints `[S][J]` that each shape coefficient moves at rest, carried to the pose.
-pub(crate) fn shape_translations(parents: &[Option<usize>], kinematics: &Kinematics, moved: &[Vec<Vec3A>]) -> ShapeTranslations {
+pub(crate) fn shape_translations(
+    parents: &[Option<usize>],
+    kinematics: &Kinematics,
+    moved: &[Vec<Vec3A>],
+) -> ShapeTranslations {
     let carry = |joints: &Vec<Vec3A>| {
         // A_j = A_p (R_j, J_j - R_j J_j), so dt_j = dt_p + (A_p - A_j) dJ_j with A the rotation parts
         let mut translations: Vec<Vec3A> = Vec::with_capacity(joints.len());
@@ -168,7 +172,8 @@ fn add_correctives(sums: &Sums, gram: &[f64], slopes: &[Slope], n: usize, normal
     for (j, slope) in slopes.iter().enumerate() {
         for a in 0..3 {
             let features = &sums.features[9 * j..9 * j + 9];
-            normal.gradient[3 * (j + 1) + a] += slope[a].iter().zip(features).map(|(s, f)| s * f64::from(*f)).sum::<f64>();
+            normal.gradient[3 * (j + 1) + a] +=
+                slope[a].iter().zip(features).map(|(s, f)| s * f64::from(*f)).sum::<f64>();
         }
         for (i, other) in slopes.iter().enumerate().take(j + 1) {
             let mut half = [[0.0; 9]; 3];

@@ -216,9 +216,3 @@ fn sorted_influences(skin: &softtissue_body::SkinWeights) -> Influences {
     }
     influences
 }
-
-/// Sum of a field's weighted squared lengths over the sum of the weights.
-pub(crate) fn weighted_mean_square(field: &[Vec3], weights: &[f32]) -> f64 {
-    let total: f64 = weights.iter().map(|w| f64::from(*w)).sum();
-    field.iter().zip(weights).map(|(x, w)| f64::from(w * x.length_squared())).sum::<f64>() / total
-}

@@ -30,7 +30,13 @@ struct Joint {
 
 /// Fits `beta` to frames of one subject `[frames][V]` in the mesh's order, poses free, by Levenberg-Marquardt; each
 /// frame's pose is eliminated by its Schur complement. Frames may be of any motion.
-pub(crate) fn fit_shape(body: &BodyModel, weighted: &WeightedBody, kind: ObjectiveKind, frames: &[Vec<Vec3>], config: &FitConfig) -> Vec<f32> {
+pub(crate) fn fit_shape(
+    body: &BodyModel,
+    weighted: &WeightedBody,
+    kind: ObjectiveKind,
+    frames: &[Vec<Vec3>],
+    config: &FitConfig,
+) -> Vec<f32> {
     let packed = &weighted.packed;
     let count = body.vertex_count();
     let directions: Vec<Vec3> = body.shape_directions.chunks_exact(count).flat_map(|d| packed.sorted(d)).collect();

@@ -46,7 +46,14 @@ const MOST_DAMPING: f64 = 1e6;
 impl Objective {
     /// Levenberg-Marquardt from a start; `scan` sorted, `[V]`. Damping is relative to the matrix's diagonal
     /// (Marquardt); a step that does not lower the objective is taken back.
-    pub(crate) fn solve(&self, start: PoseState, before: Option<&PoseState>, scan: &[Vec3], stop: Stop, work: &mut Workspace) -> Solution {
+    pub(crate) fn solve(
+        &self,
+        start: PoseState,
+        before: Option<&PoseState>,
+        scan: &[Vec3],
+        stop: Stop,
+        work: &mut Workspace,
+    ) -> Solution {
         let (mut state, mut damping) = (start, FIRST_DAMPING);
         let mut kinematics = self.kinematics(&state);
         let mut normal = self.normal_with_prior(&kinematics, &state, before, scan, work);

@@ -29,14 +29,18 @@ impl Cluster {
     /// Second moments about the means: scan x rest, rest x rest.
     fn centred(&self) -> (DMat3, DMat3) {
         let w = self.weight.max(f64::MIN_POSITIVE);
-        (self.cross - outer(self.scan, self.rest) * (1.0 / w), self.rest_spread - outer(self.rest, self.rest) * (1.0 / w))
+        (
+            self.cross - outer(self.scan, self.rest) * (1.0 / w),
+            self.rest_spread - outer(self.rest, self.rest) * (1.0 / w),
+        )
     }
 
     /// The rotation that best takes rest to scan (Horn 1987), if the points span a plane at least.
     fn rotation(&self) -> Option<DQuat> {
         let (cross, spread) = self.centred();
         // sum of the principal 2 x 2 minors: zero for points on a line
-        let minors = spread.x_axis.x * spread.y_axis.y - spread.x_axis.y * spread.y_axis.x + spread.x_axis.x * spread.z_axis.z
+        let minors = spread.x_axis.x * spread.y_axis.y - spread.x_axis.y * spread.y_axis.x
+            + spread.x_axis.x * spread.z_axis.z
             - spread.x_axis.z * spread.z_axis.x
             + spread.y_axis.y * spread.z_axis.z
             - spread.y_axis.z * spread.z_axis.y;
@@ -150,7 +154,12 @@ mod tests {
 
     #[test]
     fn procrustes_finds_the_rotation_of_a_few_points() {
-        let rest = [DVec3::new(0.1, 0.0, 0.3), DVec3::new(-0.4, 0.2, 0.0), DVec3::new(0.0, 0.5, 0.1), DVec3::new(0.3, 0.3, -0.2)];
+        let rest = [
+            DVec3::new(0.1, 0.0, 0.3),
+            DVec3::new(-0.4, 0.2, 0.0),
+            DVec3::new(0.0, 0.5, 0.1),
+            DVec3::new(0.3, 0.3, -0.2),
+        ];
         for w in [DVec3::new(0.3, -2.0, 1.0), DVec3::new(3.1, 0.0, 0.0), DVec3::ZERO, DVec3::new(0.0, 0.0, -1.5)] {
             let truth = DQuat::from_scaled_axis(w);
             let mut cluster = Cluster::EMPTY;

@@ -1,7 +1,7 @@
 //! A small figure of tubes with SMPL's 24 joints: cheap, smooth, and with correctives and shapes that matter.
 
 use glam::{Vec2, Vec3};
-use softtissue_body::{BodyModel, JointRegressor, Mirror, Region, RegionMap, SkinWeights, Skeleton, UvAtlas};
+use softtissue_body::{BodyModel, JointRegressor, Mirror, Region, RegionMap, Skeleton, SkinWeights, UvAtlas};
 use softtissue_geometry::Topology;
 use softtissue_random::Draws;
 use std::sync::Arc;

@@ -1,0 +1,222 @@
+use crate::motion::{FittedMotion, fit_motion};
+use crate::objective::Objective;
+use crate::packed::PackedBody;
+use crate::subject::{SubjectModel, fit_subject};
+use crate::weights::{VelocityChange, mean_weights, rigidity_weights};
+use crate::{FitConfig, FitError, Result};
+use glam::Vec3;
+use rayon::prelude::*;
+use serde::Serialize;
+use softtissue_body::BodyModel;
+use softtissue_clips::{ClipEntry, ClipId, DeltaClip, FitSet, FittedSubject, Part, ScanSet, Split};
+use softtissue_geometry::{Adjacency, Frames};
+use softtissue_monitor::Monitor;
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Arc;
+
+/// How well a clip was fitted; one line of `quality.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct ClipQuality {
+    /// Which clip.
+    pub id: ClipId,
+    /// Median over frames of the weighted rms distance, mm.
+    pub distance_mm: f64,
+    /// Mean trips over the vertices a frame.
+    pub evaluations: f64,
+    /// Vertices, summed over frames, that the pose folds; their deltas are their neighbours' mean.
+    pub folded: usize,
+    /// Whether the distance lies beyond `fit.refuse_beyond`: the clip is of no use (for a training clip an error).
+    pub refused: bool,
+}
+
+/// Fits all clips of a split and writes the fit set: `motions/`, `deltas/`, `subjects/`, `quality.json` and, last,
+/// `index.json`.
+///
+/// What a subject is (shape, subject template, weights) comes from its training clips only. A subject without any
+/// gets shape and template from the first `fit.new_subject_frames` frames of each of its own clips and weights from
+/// the mean over training subjects. So nothing of a left-out clip reaches another clip of a subject that trains. A
+/// left-out clip that cannot be fitted is reported, not an error; a training clip is an error.
+pub fn fit_set(
+    scans: &ScanSet,
+    split: &Split,
+    body: &BodyModel,
+    config: &FitConfig,
+    out: &Path,
+    monitor: &dyn Monitor,
+) -> Result<FitSet> {
+    config.check()?;
+    split.check()?;
+    check_body(scans, body)?;
+    let ids: BTreeSet<&ClipId> = split.train.iter().chain(&split.validation).chain(&split.test).collect();
+    let packed = Arc::new(PackedBody::new(body));
+    let subjects = fit_subjects(scans, split, body, &packed, config, monitor)?;
+
+    let frames: usize = scans.clips().iter().filter(|c| ids.contains(&c.id)).map(|c| c.frames).sum();
+    monitor.begin("fit: poses and deltas", frames as u64, "frames");
+    let adjacency = Adjacency::new(&body.topology);
+    let ids: Vec<&ClipId> = ids.into_iter().collect();
+    let fit_one = |id: &&ClipId| {
+        let subject = subjects.iter().find(|s| s.name == id.subject).expect("every subject of the split is fitted");
+        let training = split.part(id) == Some(Part::Train);
+        fit_clip(scans, id, subject, training, &adjacency, config, out, monitor)
+    };
+    let clips: Vec<ClipResult> = ids.par_iter().map(fit_one).collect::<Result<_>>()?;
+    monitor.end();
+    write_subjects(&subjects, &clips, split, out)?;
+    let quality: Vec<&ClipQuality> = clips.iter().map(|c| &c.quality).collect();
+    softtissue_store::write_json_atomic(&out.join("quality.json"), &quality)?;
+    let provenance =
+        serde_json::json!({ "stage": "fit", "config": config, "split": split, "scans": scans.provenance() });
+    let entries = clips.into_iter().map(|c| c.entry).collect();
+    Ok(FitSet::finish(out, body.vertex_count(), &body.topology.hash(), provenance, entries)?)
+}
+
+fn check_body(scans: &ScanSet, body: &BodyModel) -> Result<()> {
+    let topology = body.topology.hash();
+    if scans.vertex_count() != body.vertex_count() {
+        Err(FitError::VertexCount { scans: scans.vertex_count(), body: body.vertex_count() })
+    } else if scans.topology() != topology {
+        Err(FitError::Topology { scans: scans.topology().to_owned(), body: topology })
+    } else {
+        Ok(())
+    }
+}
+
+/// Subjects with training clips first, then the others, which borrow the former's mean weights.
+fn fit_subjects(
+    scans: &ScanSet,
+    split: &Split,
+    body: &BodyModel,
+    packed: &Arc<PackedBody>,
+    config: &FitConfig,
+    monitor: &dyn Monitor,
+) -> Result<Vec<SubjectModel>> {
+    let of = |ids: &[ClipId], name: &str| ids.iter().filter(|id| id.subject == name).cloned().collect::<Vec<_>>();
+    let left_out: Vec<ClipId> = split.validation.iter().chain(&split.test).cloned().collect();
+    let names: BTreeSet<&str> = split.train.iter().map(|id| id.subject.as_str()).collect();
+    let new_names: BTreeSet<&str> =
+        left_out.iter().map(|id| id.subject.as_str()).filter(|n| !names.contains(n)).collect();
+    monitor.begin("fit: subjects", (names.len() + new_names.len()) as u64, "subjects");
+    let mut subjects = Vec::new();
+    for name in names {
+        subjects.push(fit_subject(scans, name, &of(&split.train, name), None, body, packed, config, monitor)?);
+        monitor.advance(1, name);
+    }
+    let shared = mean_weights(subjects.iter().map(|s: &SubjectModel| s.fit_weight.as_slice()));
+    for name in new_names {
+        subjects.push(fit_subject(
+            scans,
+            name,
+            &of(&left_out, name),
+            shared.as_deref(),
+            body,
+            packed,
+            config,
+            monitor,
+        )?);
+        monitor.advance(1, name);
+    }
+    monitor.end();
+    Ok(subjects)
+}
+
+struct ClipResult {
+    entry: ClipEntry,
+    quality: ClipQuality,
+    /// Of training clips only.
+    change: Option<VelocityChange>,
+}
+
+#[expect(clippy::too_many_arguments, reason = "one clip's whole context, used in one place")]
+fn fit_clip(
+    scans: &ScanSet,
+    id: &ClipId,
+    subject: &SubjectModel,
+    training: bool,
+    adjacency: &Adjacency,
+    config: &FitConfig,
+    out: &Path,
+    monitor: &dyn Monitor,
+) -> Result<ClipResult> {
+    let scan = scans.scan(id)?;
+    let fitted = fit_motion(&subject.objective, &scan, 1, config, monitor)?;
+    let distance_m = fitted.median_distance();
+    let refused = distance_m > config.refuse_beyond;
+    if refused && training {
+        return Err(FitError::NotThisBody { clip: id.clone(), distance_m });
+    }
+    let (deltas, folded) = clip_deltas(&subject.objective, &fitted, &scan.vertices, 1, adjacency);
+    if refused {
+        monitor
+            .say(&format!("clip {id} is left out and lies {distance_m:.3} m from the body: its deltas are of no use"));
+    }
+    if folded > 0 {
+        monitor.say(&format!(
+            "clip {id}: {folded} vertices of {} frames fold; their neighbours' deltas stand in",
+            scan.vertices.len()
+        ));
+    }
+    fitted.clip(id.clone(), scan.fps).write(&FitSet::motion_path(out, id))?;
+    let change = training.then(|| VelocityChange::of(&deltas, scan.fps));
+    DeltaClip { id: id.clone(), fps: scan.fps, deltas }.write(&FitSet::delta_path(out, id))?;
+    let evaluations = fitted.evaluations.iter().sum::<usize>() as f64 / fitted.evaluations.len() as f64;
+    Ok(ClipResult {
+        entry: ClipEntry { id: id.clone(), frames: scan.vertices.len(), fps: scan.fps },
+        quality: ClipQuality { id: id.clone(), distance_mm: 1e3 * distance_m, evaluations, folded, refused },
+        change,
+    })
+}
+
+/// Deltas of the fitted frames `[frames, V]`, and how many vertices were folded.
+pub(crate) fn clip_deltas(
+    objective: &Objective,
+    fitted: &FittedMotion,
+    scan: &Frames,
+    stride: usize,
+    adjacency: &Adjacency,
+) -> (Frames, usize) {
+    let mut deltas = Frames::new(scan.points_per_frame());
+    let mut count = 0;
+    for (i, state) in fitted.states.iter().enumerate() {
+        let sorted = objective.body.packed.sorted(scan.frame(i * stride));
+        let (mut frame, folded) = objective.deltas(state, &sorted);
+        count += folded.len();
+        let whole: BTreeSet<u32> = folded.iter().copied().collect();
+        let stand_in = |v: u32| {
+            let near = adjacency.neighbours(v as usize).iter().filter(|n| !whole.contains(n));
+            let (sum, n) = near.fold((Vec3::ZERO, 0), |(sum, n), i| (sum + frame[*i as usize], n + 1));
+            if n == 0 { Vec3::ZERO } else { sum / n as f32 }
+        };
+        let replaced: Vec<Vec3> = folded.iter().map(|v| stand_in(*v)).collect();
+        folded.iter().zip(replaced).for_each(|(v, d)| frame[*v as usize] = d);
+        deltas.push(&frame);
+    }
+    (deltas, count)
+}
+
+fn write_subjects(subjects: &[SubjectModel], clips: &[ClipResult], split: &Split, out: &Path) -> Result<()> {
+    let trains = |name: &str| split.train.iter().any(|id| id.subject == name);
+    let vertex_count = subjects.first().map_or(0, |s| s.fit_weight.len());
+    let own = |name: &str| {
+        let changes = clips.iter().filter(|c| c.entry.id.subject == name).filter_map(|c| c.change.as_ref());
+        rigidity_weights(changes, vertex_count)
+    };
+    let of_training: Vec<Vec<f32>> = subjects.iter().filter(|s| trains(&s.name)).map(|s| own(&s.name)).collect();
+    let shared = mean_weights(of_training.iter().map(Vec::as_slice));
+    for subject in subjects {
+        let rigidity_weight = match &shared {
+            Some(shared) if !trains(&subject.name) => shared.clone(),
+            _ => own(&subject.name),
+        };
+        let fitted = FittedSubject {
+            subject: subject.name.clone(),
+            beta: subject.beta.clone(),
+            template: subject.template.clone(),
+            fit_weight: subject.fit_weight.clone(),
+            rigidity_weight,
+        };
+        fitted.write(&FitSet::subject_path(out, &subject.name))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,7 @@
+//! The fit from scans on disk to a fit set.
+
+mod figure;
+mod left_out;
+mod recovery;
+mod refusals;
+mod scans;
