@@ -60,6 +60,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         );
         save(&views(model, &model.shaped(&beta).vertices, &plain, 0.95), &folder.join(format!("bmi{bmi}.png")))?;
     }
+    let mut scene = Scene::new();
+    let neutral = model.shaped(&[]);
+    scene.add(&neutral.vertices, &model.topology.faces, PLAIN);
+    let near = |joint: &str, radius: f32, azimuth: f32, elevation: f32| {
+        let at = neutral.joints[model.skeleton.index(joint).unwrap_or(0)];
+        let up = if joint == "head" { 0.07 } else { -0.01 };
+        scene.draw(&Camera::around(at + Vec3::Y * up, radius, azimuth, elevation), 420, 420)
+    };
+    let details = [
+        near("head", 0.17, 0.0, 0.0),
+        near("head", 0.17, 0.7, 0.0),
+        near("left_hand", 0.13, 0.9, 0.1),
+        near("left_hand", 0.13, 0.0, 0.1),
+        near("left_foot", 0.17, 0.8, 0.4),
+    ];
+    save(&Picture::row(&details), &folder.join("details.png"))?;
     let colours: Vec<Colour> = model.regions.0.iter().map(|r| colour_of(*r)).collect();
     save(&views(model, &model.template, &colours, 0.95), &folder.join("regions.png"))?;
     let mut rotations = vec![Vec3::ZERO; model.joint_count()];

@@ -53,6 +53,20 @@ pub struct Figure {
     near_middle: Implicit,
 }
 
+/// A place that wants more vertices.
+struct Detail {
+    centre: Vec3,
+    radius: f32,
+    /// Share by which the grid is drawn together at the centre.
+    squeeze: f32,
+}
+
+impl Detail {
+    fn weight(&self, p: Vec3) -> f32 {
+        (-p.distance_squared(self.centre) / (self.radius * self.radius)).exp()
+    }
+}
+
 /// How strongly body mass widens each part: girth is `exp(rate * mass)`.
 struct Girth {
     mass: f32,
@@ -62,7 +76,7 @@ struct Girth {
 
 impl Girth {
     fn of(&self, p: &ShapeParameters) -> f32 {
-        (self.mass * p.mass + self.muscle * p.muscle + self.pear * p.pear).exp()
+        (self.mass * (1.25 + 1.2 * p.mass) + self.muscle * p.muscle + self.pear * p.pear).exp()
     }
 }
 
@@ -101,6 +115,28 @@ impl Figure {
         self.surface(p).sample(p).1.normalize_or_zero()
     }
 
+    /// How densely vertices are wanted: 1 on plain parts, more at the head, hands, feet and breasts.
+    pub fn detail(&self, p: Vec3) -> f32 {
+        let p = Vec3::new(p.x.abs(), p.y, p.z);
+        1.0 + self.details().iter().map(|d| 4.0 * d.squeeze * d.weight(p)).sum::<f32>()
+    }
+
+    /// Pulls a point of the left half towards the nearest details: a grid warped so is denser there.
+    pub fn warp(&self, p: Vec3) -> Vec3 {
+        p - self.details().iter().map(|d| (p - d.centre) * (d.squeeze * d.weight(p))).sum::<Vec3>()
+    }
+
+    fn details(&self) -> [Detail; 4] {
+        let s = self.scale;
+        let detail = |centre: Vec3, radius: f32, squeeze: f32| Detail { centre, radius: radius * s, squeeze };
+        [
+            detail(self.joints[15] + v(0.0, 0.06, 0.05) * s, 0.13, 0.36),
+            detail(self.joints[22] + v(0.005, -0.005, 0.01) * s, 0.11, 0.50),
+            detail(self.joints[10] + v(0.005, 0.0, 0.02) * s, 0.09, 0.30),
+            detail(self.breast_extent().0, 0.09, 0.22),
+        ]
+    }
+
     /// The whole left half in one implicit, for extraction.
     pub fn left_half(&self) -> &Implicit {
         &self.near_middle
@@ -112,26 +148,27 @@ impl Figure {
         let (pelvis, neck) = (self.joints[0], self.joints[12]);
         let crotch = pelvis.y - 0.125 * s;
         let length = neck.y + 0.03 * s - crotch;
-        let hip = girth(0.070, 0.010, 0.040).of(p);
-        let waist = girth(0.112, 0.005, -0.020).of(p);
+        let hip = girth(0.074, 0.010, 0.040).of(p);
+        let waist = girth(0.106, 0.005, -0.020).of(p);
         let chest = girth(0.068, 0.022, -0.015).of(p);
         let top = girth(0.030, 0.030, 0.0).of(p);
         let shoulder = self.joints[16].x / (0.168 * s);
         let belly = (1.0 + 0.045 * p.belly) * (1.0 + 0.03 * p.mass.max(-1.0));
         // (fraction of height, half width, front, back, centre z, width factor, depth factor)
-        let rows: [(f32, f32, f32, f32, f32, f32, f32); 12] = [
-            (0.00, 0.040, 0.030, 0.034, -0.012, 1.0, 1.0),
-            (0.05, 0.105, 0.070, 0.070, -0.010, hip, hip),
-            (0.125, 0.156, 0.092, 0.088, -0.008, hip, hip),
-            (0.21, 0.166, 0.098, 0.088, -0.006, hip, hip),
-            (0.32, 0.152, 0.098, 0.078, -0.002, 0.5 * (hip + waist), waist * belly),
-            (0.44, 0.131, 0.092, 0.074, 0.000, waist, waist * belly),
-            (0.55, 0.129, 0.092, 0.080, -0.002, waist, 0.5 * (waist + chest)),
-            (0.66, 0.141, 0.098, 0.092, -0.008, chest, chest),
-            (0.77, 0.148, 0.096, 0.098, -0.014, chest, chest),
-            (0.87, 0.132, 0.072, 0.086, -0.022, chest * shoulder, 0.5 * (chest + top)),
-            (0.95, 0.090, 0.046, 0.058, -0.026, top * shoulder, top),
-            (1.00, 0.045, 0.034, 0.040, -0.026, top, top),
+        let rows: [(f32, f32, f32, f32, f32, f32, f32); 13] = [
+            (0.00, 0.030, 0.030, 0.034, -0.012, 1.0, 1.0),
+            (0.06, 0.070, 0.058, 0.060, -0.010, hip, hip),
+            (0.13, 0.122, 0.082, 0.080, -0.008, hip, hip),
+            (0.21, 0.166, 0.096, 0.086, -0.006, hip, hip),
+            (0.29, 0.160, 0.099, 0.082, -0.004, 0.7 * hip + 0.3 * waist, 0.3 * hip + 0.7 * waist * belly),
+            (0.38, 0.137, 0.094, 0.076, -0.001, 0.3 * hip + 0.7 * waist, waist * belly),
+            (0.47, 0.126, 0.090, 0.075, 0.000, waist, waist * belly),
+            (0.56, 0.127, 0.091, 0.081, -0.002, waist, 0.5 * (waist + chest)),
+            (0.66, 0.140, 0.098, 0.092, -0.008, chest, chest),
+            (0.77, 0.147, 0.096, 0.098, -0.014, chest, chest),
+            (0.87, 0.130, 0.072, 0.086, -0.022, chest * shoulder, 0.5 * (chest + top)),
+            (0.95, 0.084, 0.048, 0.062, -0.026, top * shoulder, top),
+            (1.00, 0.042, 0.036, 0.042, -0.026, top, top),
         ];
         let sections = rows
             .iter()
@@ -145,15 +182,15 @@ impl Figure {
             })
             .collect();
         let loft = Loft::new(v(0.0, crotch, 0.0), Vec3::Y, Vec3::Z, sections, 2.25);
-        let mut group = Group { k: 0.022 * s, parts: vec![Primitive::Loft(loft)], hollows: vec![], cuts: vec![] };
+        let mut parts = vec![Primitive::Loft(loft)];
         let mut pair = |cone: Cone| {
-            group.parts.push(Primitive::Cone(cone));
-            group.parts.push(Primitive::Cone(cone.mirrored()));
+            parts.push(Primitive::Cone(cone));
+            parts.push(Primitive::Cone(cone.mirrored()));
         };
         pair(self.buttock(hip));
         pair(self.breast(chest));
         pair(self.trapezius(top));
-        group
+        Group::new(0.022 * s, parts)
     }
 
     fn buttock(&self, hip: f32) -> Cone {
@@ -187,29 +224,35 @@ impl Figure {
     fn head(&self) -> Group {
         let (s, p) = (self.scale, &self.parameters);
         let h = self.joints[15];
-        let face = girth(0.018, 0.0, 0.0).of(p);
+        let face = girth(0.026, 0.0, 0.0).of(p);
         let at = |x: f32, y: f32, z: f32| h + v(x * face, y, z) * s;
-        let ball = |c: Vec3, r: Vec3| Primitive::Cone(Cone::ellipsoid(c, r * s * v(face, 1.0, face), Mat3::IDENTITY));
-        let neck_girth = girth(0.045, 0.025, 0.0).of(p);
+        let ball = |c: Vec3, r: Vec3| Cone::ellipsoid(c, r * s * v(face, 1.0, face), Mat3::IDENTITY);
+        let neck_girth = girth(0.055, 0.025, 0.0).of(p);
         let neck = Cone::new(
             self.joints[12] + v(0.0, -0.02, -0.004) * s,
-            0.054 * s * neck_girth,
+            0.053 * s * neck_girth,
             h + v(0.0, 0.03, -0.006) * s,
-            0.049 * s * neck_girth,
+            0.047 * s * neck_girth,
         );
-        let double_chin = 0.004 * p.mass.max(0.0);
+        let double_chin = 0.004 * (p.mass + 0.5).max(0.0);
         let mut parts = vec![
-            Primitive::Cone(neck),
-            ball(at(0.0, 0.118, -0.004), v(0.070, 0.084, 0.089)),
-            ball(at(0.0, 0.062, 0.028), v(0.052, 0.072, 0.054)),
-            ball(at(0.0, 0.012, 0.052 - double_chin), v(0.024, 0.018 + double_chin, 0.022)),
+            neck,
+            ball(at(0.0, 0.120, -0.006), v(0.071, 0.083, 0.088)),
+            // cheeks and jaw, chin, lips
+            ball(at(0.0, 0.060, 0.026), v(0.055, 0.072, 0.056)),
+            ball(at(0.0, 0.010, 0.054 - double_chin), v(0.022, 0.017 + double_chin, 0.022)),
+            ball(at(0.0, 0.034, 0.068), v(0.021, 0.012, 0.018)),
+            // brow, bridge and tip of the nose
+            ball(at(0.0, 0.106, 0.062), v(0.044, 0.011, 0.021)),
+            Cone::new(at(0.0, 0.098, 0.079), 0.007 * s, at(0.0, 0.067, 0.097), 0.0105 * s),
+            ball(at(0.0, 0.063, 0.089), v(0.017, 0.008, 0.012)),
         ];
-        let nose = Cone::new(at(0.0, 0.100, 0.084), 0.008 * s, at(0.0, 0.064, 0.101), 0.0115 * s);
-        parts.push(Primitive::Cone(nose));
+        let mut hollows = Vec::new();
         for side in [1.0, -1.0] {
-            parts.push(ball(at(side * 0.072, 0.075, -0.006), v(0.009, 0.030, 0.018)));
+            parts.push(ball(at(side * 0.074, 0.076, -0.008), v(0.010, 0.031, 0.019)));
+            hollows.push(ball(at(side * 0.031, 0.088, 0.094), v(0.018, 0.012, 0.018)));
         }
-        Group { k: 0.010 * s, parts, hollows: vec![], cuts: vec![] }
+        Group::new(0.007 * s, parts.into_iter().map(Primitive::Cone).collect()).without(hollows)
     }
 
     fn arm(&self) -> Group {
@@ -241,7 +284,7 @@ impl Figure {
             0.036 * s * deltoid,
         )));
         self.hand(&mut parts, thin);
-        Group { k: 0.010 * s, parts, hollows: vec![], cuts: vec![] }
+        Group::new(0.010 * s, parts)
     }
 
     fn hand(&self, parts: &mut Vec<Primitive>, girth: f32) {
@@ -253,13 +296,16 @@ impl Figure {
         // palm, then the four fingers together, slightly curled; the thumb points forward
         let at = |along: f32, wide: f32, thick: f32| wrist + (u * along + w * wide + n * thick) * s;
         let g = s * girth;
-        parts.push(Primitive::Cone(
-            Cone::new(at(0.014, 0.0, 0.0), 0.030 * g, at(0.070, 0.0, 0.0), 0.040 * g).thinner(n, 2.4),
-        ));
-        parts.push(Primitive::Cone(
-            Cone::new(at(0.078, -0.002, 0.0), 0.036 * g, at(0.155, -0.004, 0.010), 0.024 * g).thinner(n, 2.7),
-        ));
-        parts.push(Primitive::Cone(Cone::new(at(0.028, 0.026, 0.004), 0.016 * g, at(0.088, 0.058, 0.010), 0.011 * g)));
+        let cone = |a: Vec3, ra: f32, b: Vec3, rb: f32| Cone::new(a, ra * g, b, rb * g);
+        parts.extend(
+            [
+                cone(at(0.010, 0.0, 0.0), 0.027, at(0.072, 0.0, 0.0), 0.039).thinner(n, 2.2),
+                cone(at(0.080, -0.002, 0.0), 0.036, at(0.152, -0.004, 0.010), 0.027).thinner(n, 2.3),
+                cone(at(0.024, 0.016, 0.003), 0.017, at(0.056, 0.050, 0.008), 0.0135),
+                cone(at(0.056, 0.050, 0.008), 0.0135, at(0.086, 0.066, 0.012), 0.011),
+            ]
+            .map(Primitive::Cone),
+        );
     }
 
     fn leg(&self) -> Group {
@@ -269,9 +315,10 @@ impl Figure {
         let calf = girth(0.048, 0.030, 0.010).of(p);
         let joint = girth(0.034, 0.008, 0.0).of(p);
         let rows = [
-            (0, -0.08, 0.062, 0.066, 0.066, thigh),
-            (0, 0.10, 0.084, 0.084, 0.084, thigh),
-            (0, 0.30, 0.082, 0.084, 0.078, thigh),
+            (0, -0.16, 0.042, 0.050, 0.050, thigh),
+            (0, -0.03, 0.070, 0.072, 0.072, thigh),
+            (0, 0.12, 0.083, 0.083, 0.083, thigh),
+            (0, 0.30, 0.081, 0.083, 0.077, thigh),
             (0, 0.55, 0.069, 0.074, 0.066, thigh),
             (0, 0.82, 0.054, 0.056, 0.054, 0.5 * (thigh + joint)),
             (0, 0.97, 0.049, 0.050, 0.050, joint),
@@ -284,8 +331,7 @@ impl Figure {
         ];
         let loft = limb_loft([hip, knee, ankle], &rows, s, 2.0);
         // thighs may touch at the middle plane, never merge
-        let gap = (Vec3::NEG_X, -0.007 * s, 0.006 * s);
-        Group { k: 0.008 * s, parts: vec![Primitive::Loft(loft)], hollows: vec![], cuts: vec![gap] }
+        Group::new(0.008 * s, vec![Primitive::Loft(loft)]).cut(Vec3::NEG_X, -0.007 * s, 0.006 * s)
     }
 
     fn foot(&self) -> Group {
@@ -306,7 +352,7 @@ impl Figure {
             ),
             Primitive::Cone(cone(at(-0.03, 0.0, 0.02), 0.030, at(0.10, 0.004, 0.015), 0.036)),
         ];
-        Group { k: 0.010 * s, parts, hollows: vec![], cuts: vec![(Vec3::NEG_Y, 0.0, 0.004 * s)] }
+        Group::new(0.010 * s, parts).cut(Vec3::NEG_Y, 0.0, 0.004 * s)
     }
 }
 

@@ -70,12 +70,20 @@ pub fn generate_levels(config: &ProceduralConfig) -> Result<Levels> {
     let (mesh, subdivision) = subdivide(&coarse.mesh);
     let net = Net::new(&mesh);
     let base = Figure::new(ShapeParameters::default());
-    let fine_mesh = QuadMesh { positions: net.project(&base, &mesh.positions, 4), ..mesh };
+    let positions = net.relax(&base, &net.project(&base, &mesh.positions, 4), None, 6);
+    let fine_mesh = QuadMesh { positions: net.project(&base, &positions, 3), ..mesh };
+    // what the fine neutral mesh has beyond the lifted coarse one goes with every sample
+    let lifted = subdivision.lift(&coarse.mesh.positions);
+    let beyond: Vec<Vec3> = fine_mesh.positions.iter().zip(&lifted).map(|(p, l)| *p - *l).collect();
     let samples: Vec<Vec<Vec3>> = coarse
         .figures
         .par_iter()
         .zip(&coarse.samples)
-        .map(|(figure, sample)| net.project(figure, &subdivision.lift(sample), 4))
+        .map(|(figure, sample)| {
+            let start: Vec<Vec3> = subdivision.lift(sample).iter().zip(&beyond).map(|(p, b)| *p + *b).collect();
+            let on_surface = net.relax(figure, &net.project(figure, &start, 3), Some(&start), 1);
+            net.project(figure, &on_surface, 2)
+        })
         .collect();
     let dense: Vec<[f32; JOINTS]> = (0..fine_mesh.positions.len())
         .map(|v| {
@@ -111,7 +119,7 @@ impl Coarse {
             )));
         }
         let base = Figure::new(ShapeParameters::default());
-        let mut mesh = surface_net(base.left_half(), &grid())?;
+        let mut mesh = surface_net(base.left_half(), &grid(), &|p| base.warp(p))?;
         let net = Net::new(&mesh);
         mesh.positions = net.project(&base, &mesh.positions, 4);
         mesh.positions = net.relax(&base, &mesh.positions, None, 10);
@@ -136,22 +144,20 @@ impl Coarse {
     }
 }
 
-/// Node planes: coarse along the trunk and legs, dense at hands, feet and head.
+/// Node planes: finer across the feet than along the legs.
 fn grid() -> Grid {
     Grid {
-        x: symmetric_planes(0.72, |x| if x > 0.42 { 0.024 } else { 0.034 }),
-        y: planes(-0.05, 1.76, |y| {
-            if y < 0.12 {
-                0.024
+        x: symmetric_planes(0.74, |x| if x > 0.40 { 0.040 } else { 0.036 }),
+        y: planes(-0.05, 1.78, |y| {
+            if y < 0.10 {
+                0.028
             } else if y < 0.75 {
-                0.046
-            } else if y < 1.42 {
-                0.036
+                0.050
             } else {
-                0.027
+                0.038
             }
         }),
-        z: planes(-0.26, 0.28, |_| 0.033),
+        z: planes(-0.26, 0.28, |_| 0.035),
     }
 }
 

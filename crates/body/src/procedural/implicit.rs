@@ -76,6 +76,15 @@ impl Loft {
         (value, slope)
     }
 
+    /// A sphere round the whole part.
+    fn bound(&self) -> (Vec3, f32) {
+        let ends = [&self.sections[0], &self.sections[self.sections.len() - 1]];
+        let middle = 0.5 * (ends[0].at + ends[1].at);
+        let reach = |s: &Section| (s.at - middle).hypot(s.width.max(s.front).max(s.back) + s.x.hypot(s.z));
+        let radius = self.sections.iter().map(reach).fold(0.0, f32::max);
+        (self.origin + self.frame.y_axis * middle, radius * 1.1)
+    }
+
     fn sample(&self, p: Vec3) -> Sample {
         let local = self.frame.transpose() * (p - self.origin);
         let (first, last) = (self.sections[0].at, self.sections[self.sections.len() - 1].at);
@@ -86,13 +95,18 @@ impl Loft {
         let (depth, ddepth) = if z >= 0.0 { (f, df) } else { (b, db) };
         let n = self.exponent;
         let (u, v) = ((x / w).abs().max(1e-6), (z / depth).abs().max(1e-6));
-        let (un, vn) = (u.powf(n), v.powf(n));
-        let rho = (un + vn).powf(1.0 / n);
+        let (un, vn, rho) = if n == 2.0 {
+            (u * u, v * v, (u * u + v * v).sqrt())
+        } else {
+            let (un, vn) = (u.powf(n), v.powf(n));
+            (un, vn, (un + vn).powf(1.0 / n))
+        };
         // d rho / d u = (u / rho)^(n - 1)
         let (ru, rv) = (un / u * rho / (un + vn), vn / v * rho / (un + vn));
         let gx = ru / w * x.signum();
         let gz = rv / depth * z.signum();
-        let gy = -gx * dcx - gz * dcz - ru * u / w * dw - rv * v / depth * ddepth;
+        // Exact on the surface (rho = 1); damped outside, where a steep taper would make the part seem near.
+        let gy = (-gx * dcx - gz * dcz - ru * u / w * dw - rv * v / depth * ddepth) / rho.max(1.0);
         let gradient = Vec3::new(gx, gy, gz);
         let length = gradient.length();
         let (mut d, mut g) = ((rho - 1.0) / length, gradient / length);
@@ -119,12 +133,13 @@ pub struct Cone {
     radius_a: f32,
     radius_b: f32,
     squash: Mat3,
+    largest: f32,
 }
 
 impl Cone {
     /// A round cone between two points.
     pub fn new(a: Vec3, radius_a: f32, b: Vec3, radius_b: f32) -> Self {
-        Self { a, b, radius_a, radius_b, squash: Mat3::IDENTITY }
+        Self { a, b, radius_a, radius_b, squash: Mat3::IDENTITY, largest: radius_a.max(radius_b) }
     }
     /// Divides the radii along `direction` by `factor`; the end points stay.
     pub fn thinner(mut self, direction: Vec3, factor: f32) -> Self {
@@ -136,7 +151,19 @@ impl Cone {
     /// An ellipsoid with semi-axes along the columns of `axes` (orthonormal).
     pub fn ellipsoid(centre: Vec3, semi_axes: Vec3, axes: Mat3) -> Self {
         let scale = Mat3::from_diagonal(semi_axes.recip());
-        Self { a: centre, b: centre, radius_a: 1.0, radius_b: 1.0, squash: axes * scale * axes.transpose() }
+        Self {
+            a: centre,
+            b: centre,
+            radius_a: 1.0,
+            radius_b: 1.0,
+            squash: axes * scale * axes.transpose(),
+            largest: semi_axes.max_element(),
+        }
+    }
+
+    /// A sphere round the whole part.
+    fn bound(&self) -> (Vec3, f32) {
+        ((self.a + self.b) * 0.5, 0.5 * self.a.distance(self.b) + self.largest)
     }
 
     fn sample(&self, p: Vec3) -> Sample {
@@ -167,16 +194,14 @@ pub enum Primitive {
 }
 
 /// Primitives blended over `k` metres, optionally cut by half-spaces (`normal . p <= offset`) and hollowed.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Group {
-    /// Blend width.
-    pub k: f32,
-    /// What is joined.
-    pub parts: Vec<Primitive>,
-    /// What is taken away after joining.
-    pub hollows: Vec<Cone>,
-    /// `(normal, offset, blend width)`.
-    pub cuts: Vec<(Vec3, f32, f32)>,
+    k: f32,
+    parts: Vec<Primitive>,
+    hollows: Vec<Cone>,
+    cuts: Vec<(Vec3, f32, f32)>,
+    centre: Vec3,
+    radius: f32,
 }
 
 /// A union of groups.
@@ -187,6 +212,9 @@ pub struct Implicit {
     /// The groups.
     pub groups: Vec<Group>,
 }
+
+/// Blends end this many blend widths from the nearest part.
+const CUTOFF: f32 = 8.0;
 
 /// `-k log sum exp(-d / k)` accumulated without overflow.
 struct SmoothMin {
@@ -206,7 +234,7 @@ impl SmoothMin {
             self.weight = self.weight * scale + 1.0;
             self.gradient = self.gradient * scale + g;
             self.least = d;
-        } else if d - self.least < 12.0 * self.k {
+        } else if d - self.least < CUTOFF * self.k {
             let w = ((self.least - d) / self.k).exp();
             self.weight += w;
             self.gradient += g * w;
@@ -225,7 +253,34 @@ fn smooth_max(a: Sample, b: Sample, k: f32) -> Sample {
     (-d, -g)
 }
 
+impl Primitive {
+    fn bound(&self) -> (Vec3, f32) {
+        match self {
+            Self::Loft(l) => l.bound(),
+            Self::Cone(c) => c.bound(),
+        }
+    }
+}
+
 impl Group {
+    /// Joins `parts`, blended over `k` metres.
+    pub fn new(k: f32, parts: Vec<Primitive>) -> Self {
+        let bounds: Vec<(Vec3, f32)> = parts.iter().map(Primitive::bound).collect();
+        let centre = bounds.iter().map(|b| b.0).sum::<Vec3>() / bounds.len().max(1) as f32;
+        let radius = bounds.iter().map(|b| b.0.distance(centre) + b.1).fold(0.0, f32::max);
+        Self { k, parts, hollows: Vec::new(), cuts: Vec::new(), centre, radius }
+    }
+    /// Takes `hollows` away.
+    pub fn without(mut self, hollows: Vec<Cone>) -> Self {
+        self.hollows = hollows;
+        self
+    }
+    /// Keeps the half-space `normal . p <= offset`, blended over `k` metres.
+    pub fn cut(mut self, normal: Vec3, offset: f32, k: f32) -> Self {
+        self.cuts.push((normal, offset, k));
+        self
+    }
+
     fn sample(&self, p: Vec3) -> Sample {
         let mut m = SmoothMin::new(self.k);
         for part in &self.parts {
@@ -237,7 +292,7 @@ impl Group {
         let mut s = m.result();
         for hollow in &self.hollows {
             let (d, g) = hollow.sample(p);
-            s = smooth_max(s, (-d, -g), 0.008);
+            s = smooth_max(s, (-d, -g), 0.5 * self.k);
         }
         for &(normal, offset, k) in &self.cuts {
             s = smooth_max(s, (normal.dot(p) - offset, normal), k);
@@ -251,7 +306,10 @@ impl Implicit {
     pub fn sample(&self, p: Vec3) -> Sample {
         let mut m = SmoothMin::new(self.k);
         for group in &self.groups {
-            m.add(group.sample(p));
+            // what lies farther than this adds less than a hundredth of a millimetre
+            if p.distance(group.centre) - group.radius < m.least + CUTOFF * self.k {
+                m.add(group.sample(p));
+            }
         }
         m.result()
     }
@@ -307,6 +365,8 @@ impl Mirrored for Group {
             parts: self.parts.iter().map(Mirrored::mirrored).collect(),
             hollows: self.hollows.iter().map(Mirrored::mirrored).collect(),
             cuts: self.cuts.iter().map(|&(n, d, k)| (flip(n), d, k)).collect(),
+            centre: flip(self.centre),
+            radius: self.radius,
         }
     }
 }

@@ -70,7 +70,14 @@ impl Net {
             let offset = |v: usize| positions[v] - anchor.map_or(Vec3::ZERO, |a| a[v]);
             positions = self.update(|v| {
                 let near = &self.neighbours[v];
-                let mean: Vec3 = near.iter().map(|n| offset(*n as usize)).sum::<Vec3>() / near.len() as f32;
+                let (mut mean, mut total) = (Vec3::ZERO, 0.0);
+                for n in near {
+                    // without an anchor vertices gather where the figure has detail
+                    let weight = if anchor.is_none() { figure.detail(positions[*n as usize]) } else { 1.0 };
+                    mean += offset(*n as usize) * weight;
+                    total += weight;
+                }
+                mean /= total;
                 let step = (mean - offset(v)) * 0.5;
                 let n = figure.normal(positions[v]);
                 figure.project(positions[v] + step - n * step.dot(n), 1)

@@ -51,6 +51,7 @@ struct Field<'a> {
     grid: &'a Grid,
     size: [usize; 3],
     values: Vec<f32>,
+    warp: &'a (dyn Fn(Vec3) -> Vec3 + Sync),
 }
 
 impl Field<'_> {
@@ -64,7 +65,9 @@ impl Field<'_> {
         self.value(n) < 0.0
     }
     fn at(&self, n: [usize; 3]) -> Vec3 {
-        Vec3::new(self.grid.x[n[0]], self.grid.y[n[1]], self.grid.z[n[2]])
+        let p = Vec3::new(self.grid.x[n[0]], self.grid.y[n[1]], self.grid.z[n[2]]);
+        let q = (self.warp)(Vec3::new(p.x.abs(), p.y, p.z));
+        Vec3::new(q.x.copysign(p.x), q.y, q.z)
     }
     fn fill(&mut self, n: [usize; 3]) {
         let mirrored = [self.size[0] - 1 - n[0], n[1], n[2]];
@@ -139,24 +142,23 @@ fn is_split(inside: &[bool; 8]) -> bool {
     })
 }
 
-/// Extracts the surface of `implicit`. Only nodes with `x > 0` are sampled; the rest is their mirror image.
-pub fn surface_net(implicit: &Implicit, grid: &Grid) -> Result<QuadMesh> {
+/// Extracts the surface of `implicit` on the grid warped by `warp`, a map of the half `x > 0` into itself. Only
+/// nodes with `x > 0` are sampled; the rest is their mirror image.
+pub fn surface_net(implicit: &Implicit, grid: &Grid, warp: &(dyn Fn(Vec3) -> Vec3 + Sync)) -> Result<QuadMesh> {
     let size = [grid.x.len(), grid.y.len(), grid.z.len()];
     if !size[0].is_multiple_of(2) || size.iter().any(|n| *n < 4) {
         return Err(BodyError::Generator(format!("a grid of {size:?} nodes has no middle column")));
     }
+    let mut field = Field { grid, size, values: Vec::new(), warp };
     let sheets: Vec<Vec<f32>> = (0..size[0])
         .into_par_iter()
         .map(|i| {
-            let x = grid.x[i.max(size[0] - 1 - i)];
-            grid.y
-                .iter()
-                .flat_map(|&y| grid.z.iter().map(move |&z| Vec3::new(x, y, z)))
-                .map(|p| implicit.sample(p).0)
-                .collect()
+            let i = i.max(size[0] - 1 - i);
+            let nodes = (0..size[1]).flat_map(|j| (0..size[2]).map(move |k| [i, j, k]));
+            nodes.map(|n| implicit.sample(field.at(n)).0).collect()
         })
         .collect();
-    let mut field = Field { grid, size, values: sheets.concat() };
+    field.values = sheets.concat();
     resolve_saddles(&mut field)?;
 
     let mut vertex_of: BTreeMap<[usize; 3], u32> = BTreeMap::new();
