@@ -6,6 +6,7 @@
 mod correctives;
 mod derivative;
 mod error;
+mod file;
 mod mirror;
 mod model;
 mod regions;

@@ -5,9 +5,12 @@
 //! and body only; it must never know the framework, training or the body's generator.
 
 mod advance;
+mod arrays;
 mod bundle;
 pub mod descriptor;
 mod error;
+mod file;
+mod manifest;
 mod matrix;
 mod network;
 mod player;
@@ -18,6 +21,8 @@ mod subspace;
 
 pub use bundle::{Bundle, BundleInfo, SelfCheck};
 pub use error::BundleError;
+pub use file::MANIFEST_FILE;
+pub use manifest::FORMAT_VERSION;
 pub use matrix::Matrix;
 pub use network::{Gru, Linear, ResidualUnit};
 pub use player::{Player, RolloutReport, StepReport};

@@ -1,9 +1,13 @@
 //! `descriptor`: features against closed forms.
+//! `format`: writing, reading back, pinned bytes.
 //! `player`: the player against sums written out in f64, and against bad input.
 //! `reference`: these sums.
+//! `refusals`: bundles that must not open.
 //! `tiny`: a small body and a small bundle made from draws.
 
 mod descriptor;
+mod format;
 mod player;
 mod reference;
+mod refusals;
 mod tiny;

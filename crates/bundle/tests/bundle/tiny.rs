@@ -1,7 +1,5 @@
 use glam::{Vec2, Vec3};
-use softtissue_body::{
-    BodyModel, JointRegressor, Mirror, Region, RegionMap, Skeleton, SkinWeights, UvAtlas,
-};
+use softtissue_body::{BodyModel, JointRegressor, Mirror, Region, RegionMap, Skeleton, SkinWeights, UvAtlas};
 use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig, FeatureKind, FeatureScaling};
 use softtissue_bundle::*;
 use softtissue_geometry::{Frames, Topology};
@@ -15,7 +13,9 @@ const LEVELS: usize = 6;
 pub fn body() -> BodyModel {
     let mut draws = Draws::new(3, "tiny body", 0, 0);
     let mut template: Vec<Vec3> = (0..LEVELS)
-        .flat_map(|l| [(0.2, 0.1), (-0.2, 0.1), (-0.2, -0.1), (0.2, -0.1)].map(|(x, z)| Vec3::new(x, 0.2 * l as f32, z)))
+        .flat_map(|l| {
+            [(0.2, 0.1), (-0.2, 0.1), (-0.2, -0.1), (0.2, -0.1)].map(|(x, z)| Vec3::new(x, 0.2 * l as f32, z))
+        })
         .collect();
     let v = template.len() as u32 + 2;
     template.extend([Vec3::new(0.0, -0.05, 0.0), Vec3::new(0.0, 0.2 * LEVELS as f32 - 0.15, 0.0)]);
@@ -56,7 +56,10 @@ pub fn body() -> BodyModel {
             names: ["root", "middle", "top"].map(str::to_owned).to_vec(),
             parents: vec![None, Some(0), Some(1)],
         },
-        uv: UvAtlas { coordinates: template.iter().map(|p| Vec2::new(p.x + 0.5, p.y * 0.5 + 0.1)).collect(), faces: topology.faces.clone() },
+        uv: UvAtlas {
+            coordinates: template.iter().map(|p| Vec2::new(p.x + 0.5, p.y * 0.5 + 0.1)).collect(),
+            faces: topology.faces.clone(),
+        },
         mirror: Mirror { vertices: (0..v).map(swap).collect(), joints: vec![0, 1, 2] },
         regions: RegionMap((0..v).map(|i| if i < 4 { Region::Feet } else { Region::Belly }).collect()),
         template,
@@ -108,7 +111,8 @@ pub fn bundle(parts: Parts) -> Bundle {
     let directions = Matrix::new(k, 3 * v, draws.take(k * 3 * v, 0.1));
     let basis = DeltaBasis { mean: draws.take(3 * v, 1e-3), directions, coefficient_mean: draws.take(k, 1e-2) };
     let subspace = Subspace { basis, encoder, decoder };
-    let config = DescriptorConfig { features: parts.features, modes: 4, look_ahead: parts.look_ahead, ..Default::default() };
+    let config =
+        DescriptorConfig { features: parts.features, modes: 4, look_ahead: parts.look_ahead, ..Default::default() };
     let descriptor = Descriptor::new(&config, &body, Some(subspace.basis.directions.data())).unwrap();
     let (rotations, translations) = motion(90);
     let training = descriptor.run(&body, &body.shaped(&[0.3]), &rotations, &translations);
@@ -121,7 +125,8 @@ pub fn bundle(parts: Parts) -> Bundle {
         scale: vec![0.5, 0.4],
     };
     let bank = parts.bank.then(|| {
-        let resonators = [(2.0, 0.08), (5.0, 0.2), (9.0, 0.4)].map(|(frequency, damping)| Resonator { frequency, damping });
+        let resonators =
+            [(2.0, 0.08), (5.0, 0.2), (9.0, 0.4)].map(|(frequency, damping)| Resonator { frequency, damping });
         ResonatorBank::new(resonators.to_vec(), 4, config.fps)
     });
     let d = input.len();
@@ -139,9 +144,15 @@ pub fn bundle(parts: Parts) -> Bundle {
         let gru = Gru { w_ih: input.weight, w_hh: state.weight, b_ih: input.bias, b_hh: state.bias };
         Recurrent { gru, readout: draws.linear(h, l, 0.05) }
     });
-    let info = BundleInfo { method: "softtissue".into(), licence: "CC0-1.0".into(), largest_delta_m: 0.1, ..Default::default() };
+    let info = BundleInfo {
+        method: "softtissue".into(),
+        licence: "CC0-1.0".into(),
+        largest_delta_m: 0.1,
+        ..Default::default()
+    };
     let mut bundle = Bundle { info, body, descriptor: config, regressor, subspace, self_check: SelfCheck::default() };
-    bundle.self_check = SelfCheck::record(&bundle, &[0.5, -0.5], &rotations.slice(0..12), &translations[..12], 8).unwrap();
+    bundle.self_check =
+        SelfCheck::record(&bundle, &[0.5, -0.5], &rotations.slice(0..12), &translations[..12], 8).unwrap();
     bundle
 }
 

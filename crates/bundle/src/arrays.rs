@@ -1,0 +1,257 @@
+use crate::descriptor::FeatureScaling;
+use crate::manifest::NetworkForm;
+use crate::{
+    BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Recurrent, Regressor, ResidualUnit, ResonatorBank,
+    Result, SelfCheck, Subspace,
+};
+use softtissue_geometry::Frames;
+use softtissue_store::{Limits, TensorFile, TensorFileWriter};
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Far above any bundle, far below what hurts.
+const LIMITS: Limits = Limits { header_bytes: 1 << 20, file_bytes: 2 << 30, tensors: 1024 };
+
+/// Largest bank.
+const MOST_CHANNELS: usize = 1 << 12;
+/// Most poles of a bank.
+const MOST_RESONATORS: usize = 1 << 10;
+
+/// The arrays of a bundle, in `model.safetensors`.
+pub(crate) struct Arrays {
+    pub(crate) regressor: Regressor,
+    pub(crate) subspace: Subspace,
+    pub(crate) self_check: SelfCheck,
+}
+
+/// Gives every array of a bundle its name and shape. The error names an array that is not finite.
+pub(crate) fn collect<'a>(
+    regressor: &'a Regressor,
+    subspace: &'a Subspace,
+    check: &'a SelfCheck,
+) -> std::result::Result<TensorFileWriter<'a>, String> {
+    let mut writer = Writer { file: TensorFileWriter::new(), problem: None };
+    writer.file.meta("kind", "softtissue-bundle");
+    let DeltaBasis { mean, directions, coefficient_mean } = &subspace.basis;
+    let v = mean.len() / 3;
+    writer.numbers("basis.mean", &[v, 3], mean);
+    writer.numbers("basis.directions", &[directions.rows(), v, 3], directions.data());
+    writer.vector("basis.coefficient_mean", coefficient_mean);
+    writer.units("encoder", &subspace.encoder.units);
+    writer.linear("encoder.project", &subspace.encoder.project);
+    writer.linear("decoder.lift", &subspace.decoder.lift);
+    writer.units("decoder", &subspace.decoder.units);
+    writer.scaling("regressor.input", &regressor.input);
+    writer.scaling("regressor.shape", &regressor.shape);
+    writer.linear("regressor.shortcut", &regressor.shortcut);
+    if let Some(Recurrent { gru, readout }) = &regressor.recurrent {
+        writer.matrix("regressor.gru.w_ih", &gru.w_ih);
+        writer.matrix("regressor.gru.w_hh", &gru.w_hh);
+        writer.vector("regressor.gru.b_ih", &gru.b_ih);
+        writer.vector("regressor.gru.b_hh", &gru.b_hh);
+        writer.linear("regressor.readout", readout);
+    }
+    let (t, j, c) = (check.translations.len(), check.rotations.points_per_frame(), check.vertices.len());
+    writer.vector("check.beta", &check.beta);
+    writer.numbers("check.rotations", &[t, j, 3], bytemuck::cast_slice(check.rotations.points()));
+    writer.numbers("check.translations", &[t, 3], bytemuck::cast_slice(&check.translations));
+    writer.file.u32("check.vertices", &[c], &check.vertices);
+    writer.numbers("check.deltas", &[t, c, 3], bytemuck::cast_slice(check.deltas.points()));
+    writer.problem.map_or(Ok(writer.file), Err)
+}
+
+struct Writer<'a> {
+    file: TensorFileWriter<'a>,
+    problem: Option<String>,
+}
+
+impl<'a> Writer<'a> {
+    fn numbers(&mut self, name: &str, shape: &[usize], numbers: &'a [f32]) {
+        if let Some(i) = numbers.iter().position(|x| !x.is_finite()) {
+            self.problem = Some(format!("{name} holds {} at place {i}; train again", numbers[i]));
+        }
+        self.file.f32(name, shape, numbers);
+    }
+    fn vector(&mut self, name: &str, numbers: &'a [f32]) {
+        self.numbers(name, &[numbers.len()], numbers);
+    }
+    fn matrix(&mut self, name: &str, matrix: &'a Matrix) {
+        self.numbers(name, &[matrix.rows(), matrix.cols()], matrix.data());
+    }
+    fn linear(&mut self, name: &str, linear: &'a Linear) {
+        self.matrix(&format!("{name}.weight"), &linear.weight);
+        self.vector(&format!("{name}.bias"), &linear.bias);
+    }
+    fn units(&mut self, name: &str, units: &'a [ResidualUnit]) {
+        for (i, unit) in units.iter().enumerate() {
+            self.linear(&format!("{name}.unit.{i}.inner"), &unit.inner);
+            self.linear(&format!("{name}.unit.{i}.outer"), &unit.outer);
+        }
+    }
+    fn scaling(&mut self, name: &str, scaling: &'a FeatureScaling) {
+        self.file.u32(&format!("{name}.kept"), &[scaling.len()], &scaling.kept);
+        self.vector(&format!("{name}.lower"), &scaling.lower);
+        self.vector(&format!("{name}.upper"), &scaling.upper);
+        self.vector(&format!("{name}.scale"), &scaling.scale);
+    }
+}
+
+/// Reads all arrays: every one that the manifest asks for, finite, and none besides. Sizes are checked against each
+/// other by the bundle.
+pub(crate) fn read(path: &Path, form: &NetworkForm, fps: f32) -> Result<Arrays> {
+    let file = TensorFile::open_limited(path, LIMITS)?;
+    let reader = Reader { file: &file, read: RefCell::default() };
+    let units = form.encoder_units.saturating_add(form.decoder_units);
+    if units > LIMITS.tensors {
+        return Err(BundleError::refused(
+            path,
+            format!("the manifest asks for {units} residual units; export the bundle again"),
+        ));
+    }
+    let arrays = Arrays {
+        subspace: reader.subspace(form)?,
+        regressor: reader.regressor(form, fps)?,
+        self_check: reader.self_check()?,
+    };
+    match file.names().find(|name| !reader.read.borrow().contains(*name)) {
+        Some(name) => {
+            Err(BundleError::refused(path, format!("it holds an unknown array {name:?}; export the bundle again")))
+        }
+        None => Ok(arrays),
+    }
+}
+
+struct Reader<'a> {
+    file: &'a TensorFile,
+    read: RefCell<BTreeSet<String>>,
+}
+
+impl Reader<'_> {
+    fn subspace(&self, form: &NetworkForm) -> Result<Subspace> {
+        let [k, v, _] = self.shape("basis.directions")?;
+        let basis = DeltaBasis {
+            mean: self.numbers("basis.mean", &[v, 3])?,
+            directions: Matrix::new(k, 3 * v, self.numbers("basis.directions", &[k, v, 3])?),
+            coefficient_mean: self.vector("basis.coefficient_mean")?,
+        };
+        let encoder =
+            Encoder { units: self.units("encoder", form.encoder_units)?, project: self.linear("encoder.project")? };
+        let decoder = Decoder { lift: self.linear("decoder.lift")?, units: self.units("decoder", form.decoder_units)? };
+        Ok(Subspace { basis, encoder, decoder })
+    }
+
+    fn regressor(&self, form: &NetworkForm, fps: f32) -> Result<Regressor> {
+        let bank = match &form.bank {
+            Some(bank) => {
+                if bank.channels > MOST_CHANNELS || bank.resonators.len() > MOST_RESONATORS {
+                    return Err(self.refused(&format!(
+                        "the manifest asks for {} resonators on {} channels, at most {MOST_RESONATORS} on {MOST_CHANNELS}; export the bundle again",
+                        bank.resonators.len(),
+                        bank.channels
+                    )));
+                }
+                if let Some(r) = bank.resonators.iter().find(|r| r.pole(fps).is_none()) {
+                    return Err(self.refused(&format!(
+                        "the manifest's resonator of {} Hz and damping ratio {} is not stable at {fps} frames a second; export the bundle again",
+                        r.frequency, r.damping
+                    )));
+                }
+                Some(ResonatorBank::new(bank.resonators.clone(), bank.channels, fps))
+            }
+            None => None,
+        };
+        let recurrent = match form.recurrent {
+            true => {
+                let gru = Gru {
+                    w_ih: self.matrix("regressor.gru.w_ih")?,
+                    w_hh: self.matrix("regressor.gru.w_hh")?,
+                    b_ih: self.vector("regressor.gru.b_ih")?,
+                    b_hh: self.vector("regressor.gru.b_hh")?,
+                };
+                Some(Recurrent { gru, readout: self.linear("regressor.readout")? })
+            }
+            false => None,
+        };
+        Ok(Regressor {
+            input: self.scaling("regressor.input", form.features)?,
+            shape: self.scaling("regressor.shape", form.beta_count)?,
+            shape_terms: form.shape_terms.clone(),
+            bank,
+            direct: form.direct,
+            shortcut: self.linear("regressor.shortcut")?,
+            recurrent,
+        })
+    }
+
+    fn self_check(&self) -> Result<SelfCheck> {
+        let [t, joints, _] = self.shape("check.rotations")?;
+        let vertices = self.indices("check.vertices")?;
+        if t == 0 || joints == 0 || vertices.is_empty() {
+            return Err(self.refused("its self-check is empty; export the bundle again"));
+        }
+        let translations = Frames::from_numbers(1, &self.numbers("check.translations", &[t, 3])?).points().to_vec();
+        let rotations = Frames::from_numbers(joints, &self.numbers("check.rotations", &[t, joints, 3])?);
+        let deltas = Frames::from_numbers(vertices.len(), &self.numbers("check.deltas", &[t, vertices.len(), 3])?);
+        Ok(SelfCheck { beta: self.vector("check.beta")?, rotations, translations, vertices, deltas })
+    }
+
+    fn scaling(&self, name: &str, input_size: usize) -> Result<FeatureScaling> {
+        Ok(FeatureScaling {
+            input_size,
+            kept: self.indices(&format!("{name}.kept"))?,
+            lower: self.vector(&format!("{name}.lower"))?,
+            upper: self.vector(&format!("{name}.upper"))?,
+            scale: self.vector(&format!("{name}.scale"))?,
+        })
+    }
+
+    fn units(&self, name: &str, count: usize) -> Result<Vec<ResidualUnit>> {
+        let part = |i: usize, part: &str| self.linear(&format!("{name}.unit.{i}.{part}"));
+        (0..count).map(|i| Ok(ResidualUnit { inner: part(i, "inner")?, outer: part(i, "outer")? })).collect()
+    }
+
+    fn linear(&self, name: &str) -> Result<Linear> {
+        Ok(Linear { weight: self.matrix(&format!("{name}.weight"))?, bias: self.vector(&format!("{name}.bias"))? })
+    }
+
+    fn matrix(&self, name: &str) -> Result<Matrix> {
+        let [rows, cols] = self.shape(name)?;
+        Ok(Matrix::new(rows, cols, self.numbers(name, &[rows, cols])?))
+    }
+
+    fn vector(&self, name: &str) -> Result<Vec<f32>> {
+        let [count] = self.shape(name)?;
+        self.numbers(name, &[count])
+    }
+
+    fn numbers(&self, name: &str, expected: &[usize]) -> Result<Vec<f32>> {
+        let shape = self.file.require_shape(name, expected.len())?;
+        if shape != expected {
+            return Err(
+                self.refused(&format!("{name} has shape {shape:?}, expected {expected:?}; export the bundle again"))
+            );
+        }
+        self.read.borrow_mut().insert(name.to_owned());
+        let numbers = self.file.f32(name)?;
+        match numbers.iter().position(|x| !x.is_finite()) {
+            Some(i) => Err(self.refused(&format!("{name} holds {} at place {i}; train and export again", numbers[i]))),
+            None => Ok(numbers),
+        }
+    }
+
+    fn indices(&self, name: &str) -> Result<Vec<u32>> {
+        let [_] = self.shape(name)?;
+        self.read.borrow_mut().insert(name.to_owned());
+        Ok(self.file.u32(name)?)
+    }
+
+    fn shape<const N: usize>(&self, name: &str) -> Result<[usize; N]> {
+        let shape = self.file.require_shape(name, N)?;
+        Ok(shape.try_into().expect("as many axes as asked for"))
+    }
+
+    fn refused(&self, reason: &str) -> BundleError {
+        BundleError::refused(self.file.path(), reason)
+    }
+}

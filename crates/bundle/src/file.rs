@@ -1,0 +1,133 @@
+use crate::descriptor::Descriptor;
+use crate::manifest::{FileEntry, Manifest};
+use crate::{Bundle, BundleError, Result, arrays};
+use softtissue_body::BodyModel;
+use softtissue_store::{StoreError, create_dir, sha256_file, write_json_atomic};
+use std::path::Path;
+
+/// Name of the list of contents, written last: a folder without it is no bundle.
+pub const MANIFEST_FILE: &str = "manifest.json";
+/// Name of the learned arrays and the self-check.
+const MODEL_FILE: &str = "model.safetensors";
+/// Name of the body.
+const BODY_FILE: &str = "body.safetensors";
+
+impl Bundle {
+    /// Writes the folder: model and body, then the manifest with a hash of both. An older bundle there loses its manifest
+    /// first, so that no moment shows a manifest beside files of another. What would be refused on reading is
+    /// not written.
+    pub fn write(&self, dir: &Path) -> Result<()> {
+        let manifest_path = dir.join(MANIFEST_FILE);
+        self.check().map_err(|reason| BundleError::refused(dir, reason))?;
+        if !self.info.largest_delta_m.is_finite() {
+            return Err(BundleError::refused(dir, "its largest delta is no number; train again"));
+        }
+        let modes = self.subspace.basis.directions.data();
+        let lag_frames = Descriptor::new(&self.descriptor, &self.body, Some(modes))?.lag_frames();
+        let model = arrays::collect(&self.regressor, &self.subspace, &self.self_check)
+            .map_err(|reason| BundleError::refused(dir, reason))?;
+        create_dir(dir)?;
+        match std::fs::remove_file(&manifest_path) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("replace", &manifest_path, e))?,
+            _ => {}
+        }
+        self.body.write(&dir.join(BODY_FILE))?;
+        model.write(&dir.join(MODEL_FILE))?;
+        let entry = |name: &str| -> Result<FileEntry> {
+            let path = dir.join(name);
+            let bytes = std::fs::metadata(&path).map_err(|e| StoreError::io("read", &path, e))?.len();
+            Ok(FileEntry { name: name.to_owned(), bytes, sha256: sha256_file(&path)? })
+        };
+        let manifest = Manifest::of(self, lag_frames, vec![entry(BODY_FILE)?, entry(MODEL_FILE)?]);
+        Ok(write_json_atomic(&manifest_path, &manifest)?)
+    }
+
+    /// Reads a folder and runs its self-check. Everything that the format forbids is refused: a newer version, a wrong
+    /// hash or size, a file outside, arrays that are missing, unknown, of the wrong shape or not finite, a body of
+    /// another topology, and an output other than the one recorded.
+    pub fn read(dir: &Path) -> Result<Self> {
+        let manifest_path = dir.join(MANIFEST_FILE);
+        let manifest = Manifest::read(&manifest_path)?;
+        check_files(dir, &manifest_path, &manifest.files)?;
+        let body = BodyModel::read(&dir.join(BODY_FILE))?;
+        let topology = body.topology.hash();
+        if topology != manifest.topology {
+            return Err(BundleError::Topology { path: manifest_path, found: manifest.topology, expected: topology });
+        }
+        if body.skeleton.names != manifest.joints {
+            return Err(BundleError::refused(
+                &manifest_path,
+                "its joints are not those of its body, in order; export the bundle again",
+            ));
+        }
+        let model_path = dir.join(MODEL_FILE);
+        let arrays::Arrays { regressor, subspace, self_check } =
+            arrays::read(&model_path, &manifest.network, manifest.fps)?;
+        let bundle =
+            Self { info: manifest.info, body, descriptor: manifest.descriptor, regressor, subspace, self_check };
+        bundle.check().map_err(|reason| BundleError::refused(&model_path, reason))?;
+        bundle.run_self_check(dir)?;
+        Ok(bundle)
+    }
+
+    /// Refuses a bundle that is not for the mesh of this topology hash.
+    pub fn require_topology(&self, dir: &Path, expected: &str) -> Result<()> {
+        let found = self.body.topology.hash();
+        if found == expected {
+            return Ok(());
+        }
+        Err(BundleError::Topology { path: dir.join(MANIFEST_FILE), found, expected: expected.to_owned() })
+    }
+
+    fn run_self_check(&self, dir: &Path) -> Result<()> {
+        let (frame, place, difference) = self.self_check.worst(self)?;
+        let tolerance = self.self_check.tolerance();
+        if difference <= tolerance {
+            return Ok(());
+        }
+        Err(BundleError::SelfCheck {
+            path: dir.to_owned(),
+            frame,
+            vertex: self.self_check.vertices[place],
+            difference_mm: difference * 1e3,
+            tolerance_mm: tolerance * 1e3,
+        })
+    }
+}
+
+/// The list names the two files, each once, and they are what it says: plain files inside the folder, of that length and hash.
+fn check_files(dir: &Path, manifest_path: &Path, files: &[FileEntry]) -> Result<()> {
+    let names: Vec<&str> = files.iter().map(|f| f.name.as_str()).collect();
+    if let Some(name) = names.iter().find(|name| ![BODY_FILE, MODEL_FILE].contains(name)) {
+        return Err(BundleError::refused(
+            manifest_path,
+            format!("it lists {name:?}, which is no file of a bundle; export the bundle again"),
+        ));
+    }
+    if names != [BODY_FILE, MODEL_FILE] {
+        return Err(BundleError::refused(
+            manifest_path,
+            format!("it lists {names:?}, expected {BODY_FILE} and {MODEL_FILE}; export the bundle again"),
+        ));
+    }
+    let inside = |path: &Path| std::fs::canonicalize(path).map_err(|e| StoreError::io("read", path, e));
+    let root = inside(dir)?;
+    for FileEntry { name, bytes, sha256 } in files {
+        let path = dir.join(name);
+        if inside(&path)? != root.join(name) {
+            return Err(BundleError::refused(&path, "it leads out of the bundle's folder; copy the file itself"));
+        }
+        // A pipe or device would be waited for without end.
+        let found = std::fs::metadata(&path).map_err(|e| StoreError::io("read", &path, e))?;
+        if !found.is_file() || found.len() != *bytes {
+            let reason =
+                format!("it has {} bytes, the manifest says {bytes}; copy or export the bundle again", found.len());
+            return Err(BundleError::refused(&path, reason));
+        }
+        let hash = sha256_file(&path)?;
+        if hash != *sha256 {
+            return Err(BundleError::Hash { path, found: hash, expected: sha256.clone() });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,164 @@
+use crate::descriptor::DescriptorConfig;
+use crate::{Bundle, BundleError, BundleInfo, Resonator, Result};
+use serde::{Deserialize, Serialize};
+use softtissue_store::{StoreError, read_limited};
+use std::path::Path;
+
+/// Version of the format that this program writes, and the newest that it reads.
+pub const FORMAT_VERSION: u64 = 1;
+/// First word of every manifest.
+const FORMAT: &str = "softtissue-bundle";
+/// Largest manifest.
+const MANIFEST_BYTES: u64 = 16 << 20;
+
+/// `manifest.json`: what a program must know before it reads the arrays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Manifest {
+    format: String,
+    version: u64,
+    units: String,
+    up_axis: String,
+    front_axis: String,
+    pub(crate) fps: f32,
+    precision: String,
+    look_ahead_frames: usize,
+    /// Group delay of the features at rest.
+    lag_frames: f32,
+    pub(crate) topology: String,
+    vertices: usize,
+    pub(crate) joints: Vec<String>,
+    pub(crate) descriptor: DescriptorConfig,
+    pub(crate) network: NetworkForm,
+    pub(crate) info: BundleInfo,
+    limits: TrainingLimits,
+    pub(crate) files: Vec<FileEntry>,
+}
+
+/// What the arrays' names and shapes do not say.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct NetworkForm {
+    pub(crate) features: usize,
+    pub(crate) beta_count: usize,
+    pub(crate) shape_terms: Vec<Vec<u8>>,
+    pub(crate) bank: Option<BankForm>,
+    pub(crate) direct: bool,
+    pub(crate) recurrent: bool,
+    pub(crate) encoder_units: usize,
+    pub(crate) decoder_units: usize,
+}
+
+/// A resonator bank.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct BankForm {
+    pub(crate) channels: usize,
+    pub(crate) resonators: Vec<Resonator>,
+}
+
+/// Limits of the training data for a reader's eye; the arrays hold them all.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TrainingLimits {
+    /// Index, least and greatest value of each shape coefficient that the regressor sees.
+    beta: Vec<(u32, f32, f32)>,
+    /// Largest delta of a vertex, metres.
+    largest_delta_m: f32,
+}
+
+/// A file of the bundle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FileEntry {
+    pub(crate) name: String,
+    pub(crate) bytes: u64,
+    pub(crate) sha256: String,
+}
+
+/// The part of a manifest that every version has.
+#[derive(Deserialize)]
+struct Head {
+    format: String,
+    version: u64,
+}
+
+impl Manifest {
+    pub(crate) fn of(bundle: &Bundle, lag_frames: f32, files: Vec<FileEntry>) -> Self {
+        let Bundle { info, body, descriptor, regressor, subspace, .. } = bundle;
+        let shape = &regressor.shape;
+        let bank = regressor.bank.as_ref();
+        Self {
+            format: FORMAT.into(),
+            version: FORMAT_VERSION,
+            units: "metre, radian, second".into(),
+            up_axis: "+Y".into(),
+            front_axis: "+Z".into(),
+            fps: descriptor.fps,
+            precision: "f32".into(),
+            look_ahead_frames: descriptor.look_ahead,
+            lag_frames,
+            topology: body.topology.hash(),
+            vertices: body.vertex_count(),
+            joints: body.skeleton.names.clone(),
+            descriptor: descriptor.clone(),
+            network: NetworkForm {
+                features: regressor.input.input_size,
+                beta_count: shape.input_size,
+                shape_terms: regressor.shape_terms.clone(),
+                bank: bank.map(|b| BankForm { channels: b.channels(), resonators: b.resonators().to_vec() }),
+                direct: regressor.direct,
+                recurrent: regressor.recurrent.is_some(),
+                encoder_units: subspace.encoder.units.len(),
+                decoder_units: subspace.decoder.units.len(),
+            },
+            info: info.clone(),
+            limits: TrainingLimits {
+                beta: (0..shape.len()).map(|i| (shape.kept[i], shape.lower[i], shape.upper[i])).collect(),
+                largest_delta_m: info.largest_delta_m,
+            },
+            files,
+        }
+    }
+
+    /// Reads a manifest: format and version first, then the rest strictly.
+    pub(crate) fn read(path: &Path) -> Result<Self> {
+        let bytes = read_limited(path, MANIFEST_BYTES)?;
+        let broken = |e: serde_json::Error| StoreError::corrupt(path, format!("{e}; export the bundle again"));
+        let head: Head = serde_json::from_slice(&bytes).map_err(broken)?;
+        if head.format != FORMAT {
+            return Err(BundleError::refused(
+                path,
+                format!("its format is {:?}, expected {FORMAT:?}; name the folder of a bundle", head.format),
+            ));
+        }
+        if head.version > FORMAT_VERSION {
+            return Err(BundleError::Newer { path: path.to_owned(), found: head.version, supported: FORMAT_VERSION });
+        }
+        let manifest: Self = serde_json::from_slice(&bytes).map_err(broken)?;
+        manifest.check(path)?;
+        Ok(manifest)
+    }
+
+    fn check(&self, path: &Path) -> Result<()> {
+        let words = [
+            ("units", self.units.as_str(), "metre, radian, second"),
+            ("up axis", &self.up_axis, "+Y"),
+            ("front axis", &self.front_axis, "+Z"),
+            ("precision", &self.precision, "f32"),
+        ];
+        if let Some((what, found, expected)) = words.into_iter().find(|(_, found, expected)| found != expected) {
+            return Err(BundleError::refused(
+                path,
+                format!("its {what} is {found:?}, this program reads {expected:?}; export the bundle again"),
+            ));
+        }
+        if self.fps != self.descriptor.fps || self.look_ahead_frames != self.descriptor.look_ahead {
+            return Err(BundleError::refused(
+                path,
+                "its rate or look-ahead differs from its descriptor's; export the bundle again",
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,108 @@
+use crate::tiny::{Parts, bundle, motion};
+use glam::Vec3;
+use softtissue_bundle::descriptor::{FeatureKind, FeatureScaling};
+use softtissue_bundle::*;
+use softtissue_geometry::Frames;
+use softtissue_random::Draws;
+use softtissue_store::sha256_bytes;
+use std::path::Path;
+
+#[test]
+fn a_bundle_reads_back_and_plays_the_same_to_the_bit() {
+    let (rotations, translations) = motion(50);
+    for parts in [
+        Parts::default(),
+        Parts { bank: false, recurrent: false, units: 0, look_ahead: 2, ..Default::default() },
+        Parts { features: FeatureKind::Pose, direct: false, ..Default::default() },
+    ] {
+        let dir = tempfile::tempdir().unwrap();
+        let written = bundle(parts);
+        written.write(dir.path()).unwrap();
+        let read = Bundle::read(dir.path()).unwrap();
+        assert_eq!(read.info, written.info);
+        assert_eq!((&read.regressor, &read.subspace), (&written.regressor, &written.subspace));
+        assert_eq!((&read.descriptor, &read.self_check), (&written.descriptor, &written.self_check));
+        let play = |bundle: &Bundle| {
+            Player::new(bundle, &[0.2, 0.9]).unwrap().rollout_vertices(&rotations, &translations).unwrap()
+        };
+        assert_eq!(play(&read), play(&written), "{parts:?}");
+        read.require_topology(dir.path(), &written.body.topology.hash()).unwrap();
+        let other = read.require_topology(dir.path(), "0123456789abcdef").unwrap_err();
+        assert!(matches!(other, BundleError::Topology { .. }));
+    }
+}
+
+#[test]
+fn a_new_bundle_replaces_an_older_one() {
+    let dir = tempfile::tempdir().unwrap();
+    bundle(Parts::default()).write(dir.path()).unwrap();
+    let second = bundle(Parts { recurrent: false, ..Default::default() });
+    second.write(dir.path()).unwrap();
+    assert!(Bundle::read(dir.path()).unwrap().regressor.recurrent.is_none());
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3);
+}
+
+#[test]
+fn what_would_be_refused_is_not_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("out");
+    let mut short = bundle(Parts::default());
+    short.regressor.shortcut.bias.pop();
+    let mut nan = bundle(Parts::default());
+    nan.subspace.basis.mean[3] = f32::NAN;
+    let mut check = bundle(Parts::default());
+    check.self_check = SelfCheck::default();
+    for (bundle, says) in [(short, "shortcut"), (nan, "basis.mean"), (check, "self-check")] {
+        let message = bundle.write(&path).unwrap_err().to_string();
+        assert!(message.contains(says), "{message}");
+        assert!(!path.exists(), "{message}");
+    }
+}
+
+/// The format is pinned: a change of these bytes is a change of format and needs a new version.
+#[test]
+fn the_format_does_not_drift() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bundle = bundle(Parts::default());
+    // Every number from draws: nothing here depends on a machine's mathematics library.
+    let mut draws = Draws::new(1, "pinned", 0, 0);
+    let mut number = || (draws.below(1000) as f32 - 500.0) / 1024.0;
+    let scaling = |size: usize| FeatureScaling {
+        input_size: size,
+        kept: (0..size as u32).collect(),
+        lower: vec![-1.5; size],
+        upper: vec![2.0; size],
+        scale: vec![0.75; size],
+    };
+    let d = bundle.regressor.input.input_size;
+    bundle.regressor.input = scaling(d);
+    let a = bundle.regressor.memory_count();
+    bundle.regressor.shortcut = Linear {
+        weight: Matrix::new(5, 3 * a + 2, (0..5 * (3 * a + 2)).map(|_| number()).collect()),
+        bias: (0..5).map(|_| number()).collect(),
+    };
+    let recurrent = bundle.regressor.recurrent.as_mut().unwrap();
+    recurrent.gru.w_ih = Matrix::new(18, d + 2, (0..18 * (d + 2)).map(|_| number()).collect());
+    let mut points =
+        |count: usize| -> Vec<Vec3> { (0..count).map(|_| Vec3::new(number(), number(), number())).collect() };
+    bundle.self_check = SelfCheck {
+        beta: vec![0.5, -0.25],
+        rotations: Frames::from_points(3, points(6)),
+        translations: points(2),
+        vertices: vec![4, 9],
+        deltas: Frames::from_points(2, points(4)),
+    };
+    bundle.write(dir.path()).unwrap();
+    let hash = |name: &str| sha256_bytes(&std::fs::read(dir.path().join(name)).unwrap());
+    let found = [hash("model.safetensors"), hash("body.safetensors"), hash(MANIFEST_FILE)];
+    assert_eq!(found.each_ref().map(|h| &h[..16]), PINNED, "the bundle format has changed: {}", size_of(dir.path()));
+}
+
+/// First halves of SHA-256 of model, body and manifest, format version 1.
+const PINNED: [&str; 3] = ["f2ca9a7c2fee1545", "af6ad361708e92ad", "1ec5ccfea4f22acf"];
+
+fn size_of(dir: &Path) -> String {
+    let sizes =
+        ["model.safetensors", "body.safetensors", MANIFEST_FILE].map(|f| std::fs::metadata(dir.join(f)).unwrap().len());
+    format!("now {sizes:?} bytes, format version {FORMAT_VERSION}")
+}
