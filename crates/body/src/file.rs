@@ -181,3 +181,57 @@ impl Reader<'_> {
         Ok(JointRegressor { rows: counts.iter().map(|c| pairs.by_ref().take(*c as usize).collect()).collect() })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A tetrahedron of two joints.
+    fn small() -> BodyModel {
+        let faces = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+        let skin = |w: f32| SkinWeights { joints: [0, 1, 0, 0], weights: [1.0 - w, w, 0.0, 0.0] };
+        BodyModel {
+            topology: Arc::new(Topology { vertex_count: 4, faces: faces.clone(), quads: vec![[0, 1, 2, 3]] }),
+            template: vec![Vec3::ZERO, Vec3::X, Vec3::NEG_X, Vec3::Y],
+            shape_directions: vec![Vec3::splat(0.1); 4],
+            pose_directions: (0..36).map(|i| Vec3::splat(i as f32)).collect(),
+            joint_regressor: JointRegressor { rows: vec![vec![(0, 1.0)], vec![(1, 0.5), (2, 0.5)]] },
+            skin: [0.0, 0.25, 0.5, 0.75].map(skin).to_vec(),
+            skeleton: Skeleton { names: vec!["root".into(), "tip".into()], parents: vec![None, Some(0)] },
+            uv: UvAtlas { coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::Y], faces: vec![[0, 1, 2]; 4] },
+            mirror: Mirror { vertices: vec![0, 2, 1, 3], joints: vec![0, 1] },
+            regions: RegionMap(vec![Region::Belly, Region::Rest, Region::Feet, Region::Chest]),
+        }
+    }
+
+    #[test]
+    fn a_body_reads_back_the_same() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("body.safetensors");
+        let body = small();
+        body.write(&path).unwrap();
+        let read = BodyModel::read(&path).unwrap();
+        assert_eq!(format!("{read:?}"), format!("{body:?}"));
+    }
+
+    #[test]
+    fn broken_bodies_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("body.safetensors");
+        let breaks: [(fn(&mut BodyModel), &str); 6] = [
+            (|b| b.template[2].y = f32::NAN, "template holds NaN"),
+            (|b| b.skin[1].weights[0] = 0.5, "skin weights of vertex 1"),
+            (|b| b.skin[3].joints[1] = 7, "skin weights of vertex 3"),
+            (|b| b.skeleton.parents[1] = Some(1), "joint 1"),
+            (|b| b.mirror.vertices[1] = 9, "past the last"),
+            (|b| b.joint_regressor.rows[0][0].0 = 4, "past the last"),
+        ];
+        for (break_it, says) in breaks {
+            let mut body = small();
+            break_it(&mut body);
+            body.write(&path).unwrap();
+            let message = BodyModel::read(&path).unwrap_err().to_string();
+            assert!(message.contains(says) && message.contains("body.safetensors"), "{message}");
+        }
+    }
+}

@@ -105,8 +105,9 @@ impl SelfCheck {
             for (i, (v, expected)) in self.vertices.iter().zip(self.deltas.frame(t)).enumerate() {
                 let difference = player.deltas()[*v as usize].distance(*expected);
                 // A departure that is no number is the worst there is.
-                if !(difference <= worst.2) {
-                    worst = (t, i, if difference.is_nan() { f32::INFINITY } else { difference });
+                let difference = if difference.is_nan() { f32::INFINITY } else { difference };
+                if difference > worst.2 {
+                    worst = (t, i, difference);
                 }
             }
         })?;

@@ -22,8 +22,7 @@ impl Bundle {
         if !self.info.largest_delta_m.is_finite() {
             return Err(BundleError::refused(dir, "its largest delta is no number; train again"));
         }
-        let modes = self.subspace.basis.directions.data();
-        let lag_frames = Descriptor::new(&self.descriptor, &self.body, Some(modes))?.lag_frames();
+        let mut manifest = self.manifest_form()?;
         let model = arrays::collect(&self.regressor, &self.subspace, &self.self_check)
             .map_err(|reason| BundleError::refused(dir, reason))?;
         create_dir(dir)?;
@@ -38,7 +37,7 @@ impl Bundle {
             let bytes = std::fs::metadata(&path).map_err(|e| StoreError::io("read", &path, e))?.len();
             Ok(FileEntry { name: name.to_owned(), bytes, sha256: sha256_file(&path)? })
         };
-        let manifest = Manifest::of(self, lag_frames, vec![entry(BODY_FILE)?, entry(MODEL_FILE)?]);
+        manifest.files = vec![entry(BODY_FILE)?, entry(MODEL_FILE)?];
         Ok(write_json_atomic(&manifest_path, &manifest)?)
     }
 
@@ -68,6 +67,19 @@ impl Bundle {
         bundle.check().map_err(|reason| BundleError::refused(&model_path, reason))?;
         bundle.run_self_check(dir)?;
         Ok(bundle)
+    }
+
+    /// What the manifest says, but for the list of files.
+    pub fn manifest(&self) -> Result<serde_json::Value> {
+        let mut value = serde_json::json!(self.manifest_form()?);
+        value.as_object_mut().expect("a struct is an object").remove("files");
+        Ok(value)
+    }
+
+    fn manifest_form(&self) -> Result<Manifest> {
+        let modes = self.subspace.basis.directions.data();
+        let lag_frames = Descriptor::new(&self.descriptor, &self.body, Some(modes))?.lag_frames();
+        Ok(Manifest::of(self, lag_frames))
     }
 
     /// Refuses a bundle that is not for the mesh of this topology hash.

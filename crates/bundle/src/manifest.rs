@@ -84,7 +84,8 @@ struct Head {
 }
 
 impl Manifest {
-    pub(crate) fn of(bundle: &Bundle, lag_frames: f32, files: Vec<FileEntry>) -> Self {
+    /// The manifest of a bundle, without files yet.
+    pub(crate) fn of(bundle: &Bundle, lag_frames: f32) -> Self {
         let Bundle { info, body, descriptor, regressor, subspace, .. } = bundle;
         let shape = &regressor.shape;
         let bank = regressor.bank.as_ref();
@@ -117,7 +118,7 @@ impl Manifest {
                 beta: (0..shape.len()).map(|i| (shape.kept[i], shape.lower[i], shape.upper[i])).collect(),
                 largest_delta_m: info.largest_delta_m,
             },
-            files,
+            files: vec![],
         }
     }
 

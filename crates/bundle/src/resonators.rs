@@ -93,7 +93,7 @@ mod tests {
     fn steps_match_complex_arithmetic_in_f64() {
         let bank = bank();
         let mut state = vec![0.0; bank.outputs()];
-        let mut exact = vec![[0.0f64; 2]; 6];
+        let mut exact = [[0.0f64; 2]; 6];
         for t in 0..200 {
             let u = [(t as f32 * 0.3).sin(), if t < 40 { 1.0 } else { -0.5 }];
             bank.step(&u, &mut state);

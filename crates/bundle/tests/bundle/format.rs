@@ -20,6 +20,7 @@ fn a_bundle_reads_back_and_plays_the_same_to_the_bit() {
         written.write(dir.path()).unwrap();
         let read = Bundle::read(dir.path()).unwrap();
         assert_eq!(read.info, written.info);
+        assert_eq!(read.manifest().unwrap(), written.manifest().unwrap());
         assert_eq!((&read.regressor, &read.subspace), (&written.regressor, &written.subspace));
         assert_eq!((&read.descriptor, &read.self_check), (&written.descriptor, &written.self_check));
         let play = |bundle: &Bundle| {
