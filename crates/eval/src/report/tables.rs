@@ -34,10 +34,14 @@ fn optionals(out: &mut String, values: &[Option<f64>]) {
 fn head(columns: &[&str]) -> String {
     let mut out = "<div class=\"scroll\"><table><thead><tr>".to_owned();
     for c in columns {
-        let _ = write!(out, "<th scope=\"col\">{c}</th>");
+        let class = if *c == WORDS { " class=\"words\"" } else { "" };
+        let _ = write!(out, "<th scope=\"col\"{class}>{c}</th>");
     }
     out + "</tr></thead><tbody>"
 }
+
+/// The one column that holds words.
+const WORDS: &str = "What it says";
 
 const TAIL: &str = "</tbody></table></div>";
 
@@ -59,7 +63,8 @@ pub fn headline(metrics: &Metrics) -> String {
     if let Some(ours) = metrics.methods.get(OURS) {
         let soft = ours.regions.get("soft").copied().unwrap_or_default();
         if let Some(ratio) = ours.soft_ratio {
-            let asked = gate("regressor.soft_ratio").map_or(String::new(), |g| format!("; asked: {}", asked(g)));
+            let asked = gate("regressor.soft_ratio")
+                .map_or(String::new(), |g| format!("; asked: at most {:.0} %", g.at_most.unwrap_or(f64::NAN) * 100.0));
             let note = format!("of the body's own error on soft parts{asked}");
             card(
                 "Soft-tissue error left",
@@ -78,12 +83,10 @@ pub fn headline(metrics: &Metrics) -> String {
             card("Energy", number(energy), note, gate("regressor.energy").and_then(|g| g.met));
         }
         if let Some(ratio) = gate("regressor.against_ar2").and_then(|g| g.value) {
-            let less = (1.0 - ratio) * 100.0;
-            let word = if less >= 0.0 { "lower" } else { "higher" };
-            let note = format!("error than the better per-subject AR(2), {word}");
+            let note = "error against the better per-subject AR(2); asked: at least 10 % less".to_owned();
             card(
                 "Against AR(2)",
-                format!("{:.0}<small>%</small>", less.abs()),
+                format!("{:+.0}<small>%</small>", (ratio - 1.0) * 100.0).replace('-', "−"),
                 note,
                 gate("regressor.against_ar2").and_then(|g| g.met),
             );
@@ -125,7 +128,7 @@ pub fn gates(metrics: &Metrics) -> String {
         None => 2,
     };
     rows.sort_by_key(|(name, g)| (rank(g), (*name).clone()));
-    let mut out = head(&["Figure", "What it says", "Found", "Asked", ""]);
+    let mut out = head(&["Figure", WORDS, "Found", "Asked", ""]);
     for (name, gate) in rows {
         let _ = write!(out, "<tr><th scope=\"row\"><code>{}</code></th>", escape(name));
         cell(&mut out, &escape(&gate.what), "words");
@@ -155,11 +158,12 @@ pub fn errors(metrics: &Metrics, against_scans: bool) -> String {
     for name in &rows {
         method_row(&mut out, name);
         for region in &regions {
-            let least = rows.iter().filter_map(|n| of(n, region)).map(|e| e.0).fold(f64::INFINITY, f64::min);
+            let means = || rows.iter().filter_map(|n| of(n, region)).map(|e| e.0);
+            let (least, most) = (means().fold(f64::INFINITY, f64::min), means().fold(0.0, f64::max));
             match of(name, region) {
                 Some((mean, std)) => {
                     let text = format!("{:.2}<span class=\"pm\">±{:.2}</span>", mean, std);
-                    cell(&mut out, &text, if mean <= least { "best" } else { "" });
+                    cell(&mut out, &text, if mean <= least && least < most { "best" } else { "" });
                 }
                 None if metrics.methods[*name].diverged_clips.is_some() => cell(&mut out, "diverged", "none"),
                 None => cell(&mut out, "–", "none"),

@@ -60,6 +60,7 @@ pub fn number(x: f64) -> String {
         s if s >= 1000.0 => thousands(x.round() as i64),
         s if s >= 100.0 => format!("{x:.0}"),
         s if s >= 10.0 => format!("{x:.1}"),
+        s if s > 0.0 && s < 5e-4 => "≈ 0".into(),
         s if s >= 0.095 || s == 0.0 => format!("{x:.2}"),
         _ => format!("{x:.3}"),
     }
@@ -89,8 +90,8 @@ mod tests {
 
     #[test]
     fn numbers_read_well() {
-        let shown: Vec<String> = [0.0, 0.0421, 0.42, 3.14159, 12.34, 123.4, 1234.5, -0.42].map(number).to_vec();
-        assert_eq!(shown, ["0.00", "0.042", "0.42", "3.14", "12.3", "123", "1,235", "-0.42"]);
+        let shown: Vec<String> = [0.0, 0.0001, 0.0421, 0.42, 3.14159, 12.34, 123.4, 1234.5, -0.42].map(number).to_vec();
+        assert_eq!(shown, ["0.00", "≈ 0", "0.042", "0.42", "3.14", "12.3", "123", "1,235", "-0.42"]);
         assert_eq!(thousands(-1_234_567), "-1,234,567");
         assert_eq!([3.21, 42.0, 200.0, 18_600.0].map(duration), ["3.2 s", "42 s", "3 min 20 s", "5 h 10 min"]);
     }

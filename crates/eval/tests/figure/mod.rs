@@ -103,7 +103,7 @@ pub fn motion(subject: &str, name: &str, hz: f32, frames: usize, stop_frame: usi
             Vec3::new(0.25 * start * (1.0 - cos), 0.0, 0.15 * sin * start),
             Vec3::X * -0.2 * start * (1.0 - cos),
         ]);
-        translations.push(Vec3::new(0.03 * sin, 0.08 * (sin.abs() * 1.5).sin().abs(), 0.0) * start);
+        translations.push(Vec3::new(0.02 * sin, 0.05 * (sin.abs() * 1.5).sin().abs(), 0.0) * start);
     }
     MotionClip { id: ClipId::new(subject, name, 0), fps: FPS, rotations, translations }
 }

@@ -27,6 +27,18 @@ function ticks(low, high, count) {
   return out;
 }
 
+// Logarithms of 1, 2 and 5 times powers of ten; of the powers alone where the range is wide.
+function decades(low, high) {
+  const out = [];
+  for (let power = Math.floor(low); power <= high; power++) {
+    for (const m of high - low > 2.5 ? [1] : [1, 2, 5]) {
+      const t = power + Math.log10(m);
+      if (t >= low && t <= high) out.push(t);
+    }
+  }
+  return out;
+}
+
 function shortNumber(x) {
   const size = Math.abs(x);
   if (size >= 1000) return Math.round(x).toLocaleString("en");
@@ -98,7 +110,7 @@ function lineChart(host, options) {
   host.append(key);
   const shown = options.series.filter((s) => !hidden.has(s.name) && s.points.length);
   const [width, height] = [Math.max(300, Math.min(host.clientWidth || 900, 1200) - 32), options.height || 300];
-  const pad = { left: 52, right: 12, top: 12, bottom: options.x ? 38 : 24 };
+  const pad = { left: 52, right: 12, top: options.y ? 26 : 12, bottom: options.x ? 38 : 24 };
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": options.title || "" }, host);
   const all = shown.flatMap((s) => s.points);
   if (!all.length) return null;
@@ -114,7 +126,7 @@ function lineChart(host, options) {
   y1 += (y1 - y0) * 0.05;
   const px = (x) => pad.left + ((x - x0) / (x1 - x0 || 1)) * (width - pad.left - pad.right);
   const py = (y) => height - pad.bottom - ((Math.max(value(y), y0) - y0) / (y1 - y0)) * (height - pad.top - pad.bottom);
-  for (const t of ticks(y0, y1, height / 55)) {
+  for (const t of options.log ? decades(y0, y1) : ticks(y0, y1, height / 55)) {
     const y = py(options.log ? 10 ** t : t);
     make("line", { class: "axis", x1: pad.left, x2: width - pad.right, y1: y, y2: y }, svg);
     make("text", { x: pad.left - 8, y: y + 4, "text-anchor": "end" }, svg).textContent = shortNumber(options.log ? 10 ** t : t);
@@ -124,7 +136,7 @@ function lineChart(host, options) {
   }
   make("line", { class: "base", x1: pad.left, x2: width - pad.right, y1: height - pad.bottom, y2: height - pad.bottom }, svg);
   if (options.x) make("text", { x: (width + pad.left) / 2, y: height - 4, "text-anchor": "middle" }, svg).textContent = options.x;
-  if (options.y) make("text", { x: 4, y: 4, "text-anchor": "start" }, svg).textContent = options.y;
+  if (options.y) make("text", { x: 0, y: 12 }, svg).textContent = options.y;
   for (const s of shown) {
     const d = s.points.map(([x, y], i) => (i ? "L" : "M") + px(x).toFixed(1) + " " + py(y).toFixed(1)).join("");
     const ours = s.name === "truth" || s.name.split("/")[0] === "softtissue";
@@ -197,7 +209,7 @@ function groupChart(host, options) {
   }
   top.append(key);
   const [width, height] = [Math.max(300, Math.min(host.clientWidth || 900, 1200) - 32), 260];
-  const pad = { left: 52, right: 12, top: 16, bottom: 30 };
+  const pad = { left: 52, right: 12, top: 28, bottom: 30 };
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": options.title }, host);
   const high = Math.max(...options.groups.flatMap((g) => g.bars.map((b) => b.value || 0))) * 1.12 || 1;
   const py = (y) => height - pad.bottom - (y / high) * (height - pad.top - pad.bottom);
@@ -217,5 +229,5 @@ function groupChart(host, options) {
     });
     make("text", { x: pad.left + slot * (i + 0.5), y: height - 9, "text-anchor": "middle" }, svg).textContent = g.label;
   });
-  if (options.y) make("text", { x: 4, y: 6 }, svg).textContent = options.y;
+  if (options.y) make("text", { x: 0, y: 12 }, svg).textContent = options.y;
 }

@@ -263,6 +263,7 @@ class Player {
     this.by("legend-high").textContent = this.colour === "plain" ? "" : this.range * 1000 + " mm";
     this.by("legend-low").textContent = this.colour === "plain" ? "" : "0";
     this.by("legend-ramp").hidden = this.colour === "plain";
+    this.by("legend-name").textContent = { error: "distance from the reference", displacement: "distance from the body alone", plain: "" }[this.colour];
   }
   advance(seconds) {
     this.time = (this.time || 0) + seconds * +this.by("speed").value;
