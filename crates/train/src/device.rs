@@ -13,7 +13,7 @@ pub fn parse(name: &str) -> Result<Device> {
         #[cfg(feature = "ndarray")]
         "ndarray" => Ok(Device::ndarray()),
         #[cfg(feature = "wgpu")]
-        "wgpu" => Ok(Device::webgpu(burn::tensor::DeviceKind::DefaultDevice)),
+        "wgpu" => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
         "ndarray" | "wgpu" => Err(TrainError::Config(format!(
             "this build has no device {name:?}: build with `--features {name}`, or take `--device flex`"
         ))),
