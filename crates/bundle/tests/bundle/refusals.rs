@@ -220,6 +220,8 @@ fn missing_unknown_and_misshapen_arrays() {
         ("shape_terms", json!([[], [0, 1], [0, 200]])),
         ("features", json!(3)),
         ("beta_count", json!(1)),
+        ("beta_count", json!(1u64 << 60)),
+        ("features", json!(1u64 << 60)),
         ("bank", json!(null)),
     ] {
         let dir = good();
