@@ -1,3 +1,4 @@
+use super::limb::ROLL;
 use crate::{Result, SynthError};
 use glam::{DQuat, DVec3};
 use softtissue_body::{ShapedBody, Skeleton};
@@ -81,6 +82,11 @@ impl Figure {
         0.5 * (self.joints[HIP[0]].x - self.joints[HIP[1]].x)
     }
 
+    /// Half the distance of comfortably standing ankles: the geometric mean of hips and resting ankles.
+    pub(crate) fn stance_half_width(&self) -> f64 {
+        let ankles = 0.5 * (self.joints[ANKLE[0]].x - self.joints[ANKLE[1]].x);
+        (self.hip_half_width() * ankles.max(0.5 * self.hip_half_width())).sqrt()
+    }
     /// Angle of the resting upper arm from hanging down, radians.
     pub(crate) fn rest_elevation(&self, side: usize) -> f64 {
         (self.joints[ELBOW[side]] - self.joints[SHOULDER[side]]).angle_between(DVec3::NEG_Y)
@@ -103,6 +109,11 @@ impl Figure {
             }
         }
         (positions, world)
+    }
+
+    /// The pad of the toes, about which a bearing foot rolls: it stays where it is while its foot bears.
+    pub fn toe_pad(&self, side: usize, positions: &[DVec3; JOINTS], world: &[DQuat; JOINTS]) -> DVec3 {
+        positions[BALL[side]] + world[ANKLE[side]] * DVec3::Z * ROLL
     }
 
     /// Centre of mass of a posed figure: segment masses and centres of Winter, Biomechanics and Motor Control

@@ -8,8 +8,8 @@ use std::f64::consts::PI;
 
 /// When the dip for the first take-off begins, seconds.
 const DIP: f64 = 0.55;
-/// From there to the take-off, seconds: at 0.38 the push peaks under 3.1 body weights.
-const PUSH_OFF: f64 = 0.38;
+/// From there to the take-off, seconds: less would ask for a harder push than the landings.
+const PUSH_OFF: f64 = 0.42;
 /// Long before and after any clip.
 const ALWAYS: f64 = 1e6;
 
@@ -41,12 +41,12 @@ struct Kind {
 fn kind(name: &str) -> Option<Kind> {
     let kind = |pattern, flight, peak, width, heel, hops| Some(Kind { pattern, flight, peak, width, heel, hops });
     match name {
-        "light_hopping_loose" => kind(Pattern::Loose, 0.21, 2.95, 1.0, [0.5, 0.0], 99),
-        "light_hopping_stiff" => kind(Pattern::Stiff, 0.19, 3.45, 0.85, [0.45, 0.2], 99),
-        "jumping_jacks" => kind(Pattern::Jacks, 0.28, 3.25, 0.8, [0.5, 0.05], 99),
-        "one_leg_jump" => kind(Pattern::OneLeg, 0.22, 3.1, 0.8, [0.45, 0.0], 99),
-        "running_on_spot" => kind(Pattern::Running, 0.13, 2.9, 0.8, [0.4, 0.0], 99),
-        "hop" => kind(Pattern::Loose, 0.3, 3.2, 1.0, [0.5, 0.0], 2),
+        "light_hopping_loose" => kind(Pattern::Loose, 0.21, 2.95, 1.0, [0.42, 0.0], 99),
+        "light_hopping_stiff" => kind(Pattern::Stiff, 0.19, 3.45, 0.85, [0.38, 0.18], 99),
+        "jumping_jacks" => kind(Pattern::Jacks, 0.28, 3.25, 0.8, [0.42, 0.05], 99),
+        "one_leg_jump" => kind(Pattern::OneLeg, 0.22, 3.1, 0.8, [0.38, 0.0], 99),
+        "running_on_spot" => kind(Pattern::Running, 0.13, 2.9, 0.8, [0.33, 0.0], 99),
+        "hop" => kind(Pattern::Loose, 0.3, 3.2, 1.0, [0.42, 0.0], 2),
         _ => None,
     }
 }
@@ -156,7 +156,7 @@ impl Hopping {
                     (Lift { hip, out: 0.04, knee: 1.55, foot: 0.45 }, 0.92 * (hold.swing / 0.4).min(1.0).powi(2), 0.06)
                 }
                 _ if held => {
-                    (Lift { hip: 0.4 + 0.1 * bounce, out: 0.07, knee: 1.35 + 0.12 * bounce, foot: 0.35 }, 1.0, 0.03)
+                    (Lift { hip: 0.4 + 0.1 * bounce, out: 0.07, knee: 1.5 + 0.12 * bounce, foot: -0.15 }, 1.0, 0.03)
                 }
                 Pattern::Stiff => (Lift { hip: 0.05, out: 0.0, knee: 0.1, foot: 0.6 }, 0.2, 0.06),
                 _ => (Lift { hip: 0.3, out: 0.02, knee: 0.65, foot: 0.6 }, 0.3, 0.06),

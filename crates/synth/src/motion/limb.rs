@@ -9,8 +9,11 @@ pub(crate) const LONGEST_REACH: f64 = 0.99;
 /// Heel raise range, radians. Negative values never show: they only start the rise smoothly. Much more than 0.85
 /// puts the ankle over the ball, where raising lengthens nothing.
 const HEEL: [f64; 2] = [-0.4, 0.85];
-/// Clearance of the ball at which the toes may hang by the full heel raise, metres; their tips, 9 cm ahead of the
-/// ball, stay above the ground on the way there.
+/// How far ahead of the ball joint the foot rolls when its heel rises, metres: the pad of the toes.
+pub(crate) const ROLL: f64 = 0.04;
+/// Share of the heel raise by which the toes of a bearing foot lean on the ground.
+const TOE_LEAN: f64 = 0.15;
+/// Clearance at which the toes may hang by the full heel raise, metres.
 const TOE_CLEARANCE: f64 = 0.12;
 
 /// World orientations of a leg's segments.
@@ -29,22 +32,22 @@ pub(crate) struct LegPose {
 /// The two-link problem: knee from hip, ankle and the direction the knee points to.
 pub(crate) fn solve_leg(figure: &Figure, side: usize, hip: DVec3, pelvis: DQuat, leg: &Leg) -> LegPose {
     let reach = LONGEST_REACH * figure.leg_length(side);
-    let foot_rest = figure.joints[ANKLE[side]] - figure.joints[BALL[side]];
-    let mut ball = leg.ball + DVec3::Y * figure.ball_height(side);
     let heading = DQuat::from_rotation_y(SIDE[side] * leg.toe_out);
-    let ankle_at = |heel: f64, ball: DVec3| ball + heading * (DQuat::from_rotation_x(heel) * foot_rest);
-    let need = heel_for_reach(|heel| ankle_at(heel, ball).distance(hip) - reach);
+    let ankle_rest = figure.joints[ANKLE[side]] - figure.joints[BALL[side]] - DVec3::Z * ROLL;
+    let mut pad = leg.ball + DVec3::Y * figure.ball_height(side) + heading * DVec3::Z * ROLL;
+    let ankle_at = |heel: f64, pad: DVec3| pad + heading * (DQuat::from_rotation_x(heel) * ankle_rest);
+    let need = heel_for_reach(|heel| ankle_at(heel, pad).distance(hip) - reach);
     let heel = smooth_max(leg.heel, need, 0.2);
-    let mut shortfall = (ankle_at(heel, ball).distance(hip) - reach).max(0.0);
+    let mut shortfall = (ankle_at(heel, pad).distance(hip) - reach).max(0.0);
     if !leg.planted {
-        ball += (hip - ankle_at(heel, ball)).normalize() * shortfall;
+        pad += (hip - ankle_at(heel, pad)).normalize() * shortfall;
         shortfall = 0.0;
     }
     let mut foot = heading * DQuat::from_rotation_x(heel);
-    let mut ankle = ankle_at(heel, ball);
+    let mut ankle = ankle_at(heel, pad);
     let mut forward = heading * DVec3::Z + 0.5 * (pelvis * DVec3::Z);
-    let clearance = (ball.y - figure.ball_height(side)).max(0.0);
-    let mut toes = -heel * (1.0 - smooth(clearance / TOE_CLEARANCE));
+    let clearance = pad.y - figure.ball_height(side);
+    let mut toes = -heel * (1.0 - TOE_LEAN) * (1.0 - smooth(clearance / TOE_CLEARANCE));
     if leg.lifted > 0.0 {
         let out = pelvis * DQuat::from_rotation_z(SIDE[side] * leg.lift.out);
         let [thigh, shank] =
@@ -91,7 +94,7 @@ fn heel_for_reach(excess: impl Fn(f64) -> f64) -> f64 {
     if excess(high) >= 0.0 {
         return high;
     }
-    for _ in 0..40 {
+    for _ in 0..28 {
         let middle = 0.5 * (low + high);
         if excess(middle) > 0.0 { low = middle } else { high = middle }
     }

@@ -1,4 +1,6 @@
 //! Motions with both feet on the ground.
+use super::figure::joint::{ANKLE, BALL};
+use super::limb::ROLL;
 use super::posture::{Arm, Posture};
 use super::stage::{AHEAD, Stage};
 use super::track::{GRAVITY, hump, smooth};
@@ -69,7 +71,7 @@ fn shake_hips(stage: &Stage, p: &mut Posture, t: f64) {
     let phase = stage.phase(2.7, t);
     let size = stage.size() * (1.0 + 0.25 * stage.wander(3, t).clamp(-1.0, 1.0));
     p.mass_rules = DVec3::new(0.3, 0.0, 0.6);
-    p.pelvis += DVec3::new(0.028 * size * phase.sin(), -0.03, 0.0);
+    p.pelvis += DVec3::new(0.028 * size * phase.sin(), -0.018, 0.0);
     let (roll, yaw) = (0.09 * size * (phase - 0.4).sin(), 0.13 * size * (phase + 0.5).sin());
     p.turn = DQuat::from_rotation_y(yaw) * DQuat::from_rotation_z(roll);
     p.bend_trunk(DVec3::new(0.05, -0.85 * yaw, -0.8 * roll));
@@ -97,7 +99,7 @@ fn shake_shoulders(stage: &Stage, p: &mut Posture, t: f64) {
     p.spine[2].y += 0.6 * twist;
     p.spine[1].y += 0.6 * twist;
     p.head.y -= 0.8 * twist;
-    p.pelvis.y -= 0.02;
+    p.pelvis.y -= 0.01;
 }
 
 /// Arms held half forward and shaken loosely.
@@ -114,7 +116,7 @@ fn shake_arms(stage: &Stage, p: &mut Posture, t: f64) {
         arm.wrist += DVec3::new(0.15, 0.25, 0.35) * size * (phase - lag - 1.7).sin();
         arm.collar.z = 0.05 * size * (phase - lag).sin();
     }
-    p.pelvis.y -= 0.02 + 0.004 * stage.size() * (phase + 0.3).sin();
+    p.pelvis.y -= 0.012 + 0.004 * stage.size() * (phase + 0.3).sin();
 }
 
 /// Straight punches, left and right in turn, from a guard.
@@ -139,12 +141,12 @@ fn punching(stage: &Stage, p: &mut Posture, t: f64) {
     p.turn = DQuat::from_rotation_y(0.22 * twist);
     p.bend_trunk(DVec3::new(0.08, 0.35 * twist, 0.0));
     p.head.y -= 0.45 * twist;
-    p.pelvis.y -= 0.045 - 0.012 * (2.0 * TAU * turns).sin();
+    p.pelvis.y -= 0.035 - 0.012 * (2.0 * TAU * turns).sin();
 }
 
 /// Bouncing on the balls of the feet without leaving the ground.
 fn jiggle_on_toes(stage: &Stage, p: &mut Posture, t: f64) {
-    const HEEL: f64 = 0.5;
+    const HEEL: f64 = 0.42;
     let hertz = stage.hertz(3.1);
     let on_toes = stage.envelope(t);
     // feet cannot pull: the force is 1 +- `swing` body weights
@@ -152,10 +154,11 @@ fn jiggle_on_toes(stage: &Stage, p: &mut Posture, t: f64) {
     let height = swing * GRAVITY / (TAU * hertz).powi(2);
     let phase = stage.phase(3.1, t);
     let mass = stage.standing_mass(p).y;
-    let foot = stage.figure.joints[super::figure::joint::BALL[0]] - stage.figure.joints[super::figure::joint::ANKLE[0]];
-    let rise = HEEL.sin() * foot.z.abs() - (1.0 - HEEL.cos()) * foot.y.abs();
+    let joints = &stage.figure.joints;
+    let foot = joints[BALL[0]] - joints[ANKLE[0]] + DVec3::Z * ROLL;
+    let rise = HEEL.sin() * foot.z - (1.0 - HEEL.cos()) * foot.y.abs();
     p.mass.y = mass + (rise - height) + height * phase.sin() * smooth((t - 0.5) / 0.5);
-    p.mass.z += 0.35 * foot.z.abs();
+    p.mass.z += 0.35 * foot.z;
     p.mass_rules.y = 1.0;
     for (side, arm) in p.arms.iter_mut().enumerate() {
         let lag = if side == 0 { 0.9 } else { 1.1 };

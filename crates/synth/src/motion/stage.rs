@@ -59,13 +59,14 @@ impl Stage<'_> {
         0.8 * waves * self.envelope(t)
     }
 
-    /// Where the balls of the feet stand: `width` times the hips' width apart, ankles below the hips.
+    /// Where the balls of the feet stand: `width` times as far apart as people of this build stand, who keep their
+    /// feet between the width of the hips and that of the rest pose.
     pub fn places(&self, width: f64) -> [DVec2; 2] {
         std::array::from_fn(|side| {
             let figure = self.figure;
             let foot = figure.joints[BALL[side]] - figure.joints[ANKLE[side]];
             let foot = DQuat::from_rotation_y(SIDE[side] * self.style.toe_out) * foot;
-            let x = SIDE[side] * figure.hip_half_width() * width * self.style.stance;
+            let x = SIDE[side] * figure.stance_half_width() * width * self.style.stance;
             let ankle_z = 0.5 * (figure.joints[HIP[0]].z + figure.joints[HIP[1]].z);
             DVec2::new(x + 0.5 * foot.x, ankle_z + foot.z)
         })
@@ -86,7 +87,7 @@ impl Stage<'_> {
     /// Middle of the support: between the feet, from the ankles' line towards the balls.
     pub fn support(&self, places: [DVec2; 2]) -> DVec2 {
         let foot = self.figure.joints[BALL[0]].z - self.figure.joints[ANKLE[0]].z;
-        0.5 * (places[0] + places[1]) - DVec2::Y * 0.6 * foot
+        0.5 * (places[0] + places[1]) - DVec2::Y * 0.68 * foot
     }
 
     /// An arm at ease.

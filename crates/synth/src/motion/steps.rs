@@ -65,6 +65,9 @@ impl Knees {
             arm.bend = DVec3::new(-0.15, 0.4, 1.0);
         }
         p.mass.x -= 0.5 * beat * self.places[0].x;
+        // half of the lifted leg's rise is taken up by the standing one
+        p.mass.y = stage.standing_mass(&stage.easy(self.places, t)).y;
+        p.mass_rules.y = 0.5;
         p.pelvis.y -= 0.015 - 0.012 * (lifted[0] + lifted[1]);
         p.turn = DQuat::from_rotation_y(-0.08 * beat) * DQuat::from_rotation_x(-0.06 * (lifted[0] + lifted[1]));
         p.bend_trunk(DVec3::new(0.05, 0.16 * beat, 0.0));
@@ -102,14 +105,14 @@ impl OneLegLoose {
         let size = stage.size_of(loose) * stage.envelope(t);
         let hold = self.feet[loose].at(t, 0.4);
         let leg = &mut p.legs[loose];
-        leg.ball.y = 0.04 * hold.airborne;
+        leg.ball.y = 0.08 * hold.airborne;
         leg.planted = hold.planted;
         leg.lifted = hold.airborne;
         leg.lift = Lift {
-            hip: 0.5 + 0.2 * size * phase.sin(),
+            hip: 0.85 + 0.18 * size * phase.sin(),
             out: 0.15 + 0.08 * size * (0.5 * phase).sin(),
-            knee: 0.75 + 0.35 * size * (phase - 1.0).sin(),
-            foot: 0.25 + 0.3 * size * (phase - 1.9).sin(),
+            knee: 1.25 + 0.3 * size * (phase - 1.0).sin(),
+            foot: -0.15 + 0.25 * size * (phase - 1.9).sin(),
         };
         let support = stage.support([self.places[self.standing]; 2]);
         p.mass.x = support.x;

@@ -102,7 +102,7 @@ fn shapes(force: Force, u: f64, duration: f64) -> [f64; 3] {
     match force {
         Force::Flight => [0.0; 3],
         Force::Bounce => [impact, (PI * u).sin(), (2.0 * PI * u).sin()],
-        Force::PushOff => [1.0 - smooth((u - 0.8) / 0.2), hump(u, 0.0, 0.66), hump(u, 0.3, 1.0)],
+        Force::PushOff => [1.0 - smooth((u - 0.87) / 0.13), hump(u, 0.0, 0.7), hump(u, 0.4, 1.0)],
         Force::Settle => [impact + smooth(u / 0.3), hump(u, 0.0, 0.5), hump(u, 0.3, 1.0)],
     }
 }

@@ -1,0 +1,286 @@
+//! Sets of clips, scanner and subjects on the procedural body.
+use glam::Vec3;
+use softtissue_body::Pose;
+use softtissue_clips::{ClipId, ScanSet, TruthSet};
+use softtissue_geometry::{rotation_from_axis_angle, vertex_normals};
+use softtissue_monitor::{Monitor, Silent};
+use softtissue_synth::SynthError;
+use softtissue_synth::dataset::{Bodies, SynthConfig, scans_path, truth_path, write_with};
+use softtissue_synth::motion::{Figure, MOTIONS, Request, Style, perform};
+use softtissue_synth::scanner::{ScannerConfig, clean, rough_motion, scan};
+use softtissue_synth::subject::{Subject, SubjectConfig};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+fn small() -> SynthConfig {
+    SynthConfig {
+        bmi: vec![20.0, 28.0],
+        motions: vec!["punching".into(), "jumping_jacks".into()],
+        frames: 6,
+        ..Default::default()
+    }
+}
+
+fn bodies() -> &'static Bodies {
+    static BODIES: OnceLock<Bodies> = OnceLock::new();
+    BODIES.get_or_init(|| Bodies::generate(&small()).unwrap())
+}
+
+fn subject(index: usize, bmi: f64) -> Subject {
+    let body = bodies().scanned();
+    Subject::draw(&body.model, &body.anatomy, &Default::default(), &SubjectConfig::default(), 1, index, bmi).unwrap()
+}
+
+/// Every file below a folder with its bytes.
+fn files(root: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                all.insert(path.strip_prefix(root).unwrap().display().to_string(), std::fs::read(&path).unwrap());
+            }
+        }
+    }
+    all
+}
+
+/// Stops after some clips.
+struct StopAfter(AtomicUsize);
+
+impl Monitor for StopAfter {
+    fn begin(&self, _: &str, _: u64, _: &'static str) {}
+    fn advance(&self, units: u64, _: &str) {
+        let left = self.0.load(Ordering::SeqCst);
+        self.0.store(left.saturating_sub(units as usize), Ordering::SeqCst);
+    }
+    fn end(&self) {}
+    fn say(&self, _: &str) {}
+    fn should_stop(&self) -> bool {
+        self.0.load(Ordering::SeqCst) == 0
+    }
+}
+
+#[test]
+fn a_stopped_set_goes_on_to_the_same_bytes() {
+    let (whole, parts) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let set = write_with(&small(), bodies(), whole.path(), &Silent).unwrap();
+    assert_eq!(set.clips().len(), 4);
+    // one thread, so that the stop falls between clips
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let stopped =
+        one.install(|| write_with(&small(), bodies(), parts.path(), &StopAfter(AtomicUsize::new(2)))).unwrap_err();
+    assert!(matches!(stopped, SynthError::Stopped), "{stopped}");
+    assert!(ScanSet::open(&scans_path(parts.path())).is_err(), "an unfinished set opens");
+    let kept = ScanSet::scan_path(&scans_path(parts.path()), &ClipId::new("s00", "punching", 0));
+    let before = std::fs::metadata(&kept).unwrap().modified().unwrap();
+    one.install(|| write_with(&small(), bodies(), parts.path(), &Silent)).unwrap();
+    assert_eq!(before, std::fs::metadata(&kept).unwrap().modified().unwrap(), "a finished clip was made again");
+    assert_eq!(files(whole.path()), files(parts.path()), "the bytes differ");
+    // a finished set is returned as it is
+    assert_eq!(write_with(&small(), bodies(), parts.path(), &StopAfter(AtomicUsize::new(0))).unwrap().clips().len(), 4);
+    let other = SynthConfig { seed: 2, ..small() };
+    let foreign = write_with(&other, bodies(), parts.path(), &Silent).unwrap_err();
+    assert!(matches!(foreign, SynthError::Foreign { .. }), "{foreign}");
+}
+
+#[test]
+fn scans_hold_nothing_of_the_truth_and_truth_explains_the_scans() {
+    let out = tempfile::tempdir().unwrap();
+    // half of the clip is in motion
+    let motions = vec!["jumping_jacks".to_owned()];
+    let config = SynthConfig { scanner: ScannerConfig::off(), bmi: vec![26.0], motions, frames: 44, ..small() };
+    let set = write_with(&config, bodies(), out.path(), &Silent).unwrap();
+    let truth = TruthSet::open(&truth_path(out.path())).unwrap();
+    let body = &bodies().scanned().model;
+    assert_eq!(set.topology(), body.topology.hash());
+    let text = std::fs::read_to_string(scans_path(out.path()).join("index.json")).unwrap();
+    assert!(!text.contains("bmi") && !text.contains("beta") && !text.contains("style"), "{text}");
+    for id in set.ids() {
+        let (scan, motion, deltas) = (set.scan(&id).unwrap(), truth.motion(&id).unwrap(), truth.deltas(&id).unwrap());
+        assert_eq!(scan.vertices, truth.clean(&id).unwrap().vertices, "noise off is clean");
+        let person = truth.subject(&id.subject).unwrap();
+        let shaped = body.shaped(&person.beta);
+        // what is left of a scan after unposing and taking out the true delta is the same in every frame
+        let left = |t: usize| -> Vec<Vec3> {
+            let pose = Pose { rotations: motion.rotations.frame(t), translation: motion.translations[t] };
+            let delta = body.unposed_deltas(&shaped, pose, scan.vertices.frame(t)).unwrap();
+            delta.iter().zip(deltas.deltas.frame(t)).map(|(a, b)| *a - *b).collect()
+        };
+        let (first, last) = (left(0), left(43));
+        let moved = deltas.deltas.frame(43).iter().map(|d| d.length()).fold(0.0, f32::max);
+        assert!(moved > 0.001, "{id}: true deltas of {moved} m");
+        let worst = first.iter().zip(&last).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+        assert!(worst < 2e-5, "{id}: the static part differs by {worst} m");
+        let rms = (first.iter().map(|x| x.length_squared()).sum::<f32>() / first.len() as f32).sqrt();
+        assert!((0.0035..0.0085).contains(&rms), "{id}: static detail of {rms} m rms");
+        assert!(set.rough_motion(&id).unwrap().is_some());
+    }
+}
+
+#[test]
+fn the_scanner_errs_as_much_as_it_says() {
+    let body = &bodies().scanned().model;
+    let s = subject(0, 24.0);
+    let shaped = body.shaped(&s.beta);
+    let request = Request { subject: "s00", motion: "hips", take: 0, frames: 120, fps: 60.0, seed: 4 };
+    let motion = perform(&request, &Figure::new(&shaped).unwrap(), &s.style).unwrap().clip;
+    let deltas = softtissue_clips::DeltaClip {
+        id: motion.id.clone(),
+        fps: 60.0,
+        deltas: softtissue_geometry::Frames::zeros(body.vertex_count(), 120),
+    };
+    let truth = clean(body, &shaped, &motion, &deltas, &s.detail).vertices;
+    let errors = |config: &ScannerConfig| {
+        let seen = scan(body, &shaped, &motion, &deltas, &s.detail, config, 4).vertices;
+        softtissue_geometry::Frames::from_points(
+            body.vertex_count(),
+            seen.points().iter().zip(truth.points()).map(|(a, b)| *a - *b).collect(),
+        )
+    };
+    let rms = |points: &[Vec3]| (points.iter().map(|x| x.length_squared()).sum::<f32>() / points.len() as f32).sqrt();
+    let noise = errors(&ScannerConfig { drift: 0.0, ..Default::default() });
+    let expected = 0.0005 * 3f32.sqrt();
+    assert!((rms(noise.points()) / expected - 1.0).abs() < 0.02, "noise of {} m", rms(noise.points()));
+    let drift = errors(&ScannerConfig { noise: 0.0, ..Default::default() });
+    assert!((0.002..0.004).contains(&rms(drift.points())), "drift of {} m rms", rms(drift.points()));
+    // along the skin, smooth in time and over edges
+    let normals = vertex_normals(truth.frame(60), &body.topology.faces);
+    let across: Vec<Vec3> = drift.frame(60).iter().zip(&normals).map(|(d, n)| *n * d.dot(*n)).collect();
+    assert!(rms(&across) < 0.3 * rms(drift.frame(60)), "{} of {} m across", rms(&across), rms(drift.frame(60)));
+    let change: Vec<Vec3> = drift.frame(60).iter().zip(drift.frame(61)).map(|(a, b)| *a - *b).collect();
+    assert!(rms(&change) < 0.1 * rms(drift.frame(60)));
+    let edges: Vec<Vec3> = body
+        .topology
+        .edges()
+        .iter()
+        .map(|[a, b]| drift.frame(60)[*a as usize] - drift.frame(60)[*b as usize])
+        .collect();
+    assert!(rms(&edges) < 0.6 * rms(drift.frame(60)), "{} m over edges", rms(&edges));
+    assert_eq!(noise.points(), errors(&ScannerConfig { drift: 0.0, ..Default::default() }).points());
+}
+
+#[test]
+fn rough_poses_err_by_one_to_two_degrees_smoothly() {
+    let body = &bodies().scanned().model;
+    let s = subject(0, 24.0);
+    let figure = Figure::new(&body.shaped(&s.beta)).unwrap();
+    let request = Request { subject: "s00", motion: "punching", take: 0, frames: 300, fps: 60.0, seed: 4 };
+    let motion = perform(&request, &figure, &s.style).unwrap().clip;
+    let rough = rough_motion(&motion, 1.5, 4);
+    let error = |t: usize, j: usize| {
+        let [a, b] = [&motion, &rough].map(|m| rotation_from_axis_angle(m.rotations.frame(t)[j]));
+        let trace = (a.transpose() * b).to_cols_array_2d();
+        (0.5 * (trace[0][0] + trace[1][1] + trace[2][2] - 1.0)).clamp(-1.0, 1.0).acos().to_degrees()
+    };
+    let all: Vec<f32> = (0..300).flat_map(|t| (0..24).map(move |j| (t, j))).map(|(t, j)| error(t, j)).collect();
+    let rms = (all.iter().map(|e| e * e).sum::<f32>() / all.len() as f32).sqrt();
+    assert!((1.0..2.0).contains(&rms), "{rms} degrees");
+    for t in 1..300 {
+        for j in 0..24 {
+            assert!((error(t, j) - error(t - 1, j)).abs() < 0.6, "joint {j} jumps at frame {t}");
+        }
+    }
+}
+
+#[test]
+fn people_differ_as_configured_and_repeat_by_seed() {
+    let body = bodies().scanned();
+    let (a, b, again) = (subject(0, 23.0), subject(1, 23.0), subject(0, 23.0));
+    assert!((a.bmi - 23.0).abs() < 0.05, "{}", a.bmi);
+    assert_eq!((&a.beta, &a.detail, &a.style), (&again.beta, &again.detail, &again.style));
+    assert_ne!(a.beta, b.beta);
+    assert_ne!(a.style, b.style);
+    for s in [&a, &b] {
+        assert!((0.8..=1.2).contains(&s.material.stiffness) && (0.7..=1.3).contains(&s.material.damping));
+    }
+    assert_ne!(a.material, b.material);
+    // the detail is outside the shape space: no coefficient explains any of it
+    for direction in body.model.shape_directions.chunks_exact(body.model.vertex_count()) {
+        let (along, norm): (f32, f32) =
+            direction.iter().zip(&a.detail).fold((0.0, 0.0), |(s, n), (d, x)| (s + d.dot(*x), n + d.length_squared()));
+        let explained =
+            (along * along / norm).sqrt() / (a.detail.iter().map(|x| x.length_squared()).sum::<f32>()).sqrt();
+        assert!(explained < 1e-3, "{explained}");
+    }
+    let neutral =
+        Subject::draw(&body.model, &body.anatomy, &Default::default(), &SubjectConfig::neutral(), 1, 3, 23.0).unwrap();
+    assert_eq!((neutral.style, neutral.material), (Style::neutral(), Default::default()));
+    assert!(neutral.detail.iter().all(|x| *x == Vec3::ZERO));
+    assert!(neutral.beta.iter().enumerate().all(|(i, b)| i == 1 || *b == 0.0));
+}
+
+#[test]
+fn the_pose_mismatch_is_smooth_and_of_a_few_millimetres() {
+    let body = &bodies().scanned().model;
+    let s = subject(1, 26.0);
+    let at = |bend: f32| {
+        let mut rotations = vec![Vec3::ZERO; body.joint_count()];
+        rotations[1] = Vec3::X * -bend;
+        rotations[16] = Vec3::Z * bend;
+        let mut out = vec![Vec3::ZERO; body.vertex_count()];
+        s.mismatch.add(&rotations, &mut out);
+        out
+    };
+    assert!(at(0.0).iter().all(|x| x.length() < 1e-7), "the rest pose is deformed");
+    let (bent, more) = (at(1.2), at(1.21));
+    let peak = bent.iter().map(|x| x.length()).fold(0.0, f32::max);
+    assert!((0.001..0.012).contains(&peak), "{peak} m");
+    let step = bent.iter().zip(&more).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+    assert!(step < 2e-4, "{step} m for a hundredth of a radian");
+}
+
+#[test]
+fn soles_stay_on_the_ground() {
+    // the skinned body alone: 5 mm of the soles may sink in
+    let body = &bodies().scanned().model;
+    for (index, bmi) in [(0, 19.0), (1, 31.0)] {
+        let s = subject(index, bmi);
+        let shaped = body.shaped(&s.beta);
+        let figure = Figure::new(&shaped).unwrap();
+        for motion in MOTIONS {
+            let request = Request { subject: &s.name, motion, take: 0, frames: 150, fps: 60.0, seed: 1 };
+            let clip = perform(&request, &figure, &s.style).unwrap().clip;
+            for t in (0..150).step_by(3) {
+                let pose = Pose { rotations: clip.rotations.frame(t), translation: clip.translations[t] };
+                let lowest = body.posed(&shaped, pose, None).iter().map(|v| v.y).fold(f32::INFINITY, f32::min);
+                assert!(lowest > -0.005, "{motion} of BMI {bmi}, frame {t}: {lowest} m under the ground");
+            }
+        }
+    }
+}
+
+#[test]
+fn fingerprints_name_configurations() {
+    let base = small().fingerprint();
+    assert_eq!(base, small().fingerprint());
+    let mut others = vec![SynthConfig { seed: 2, ..small() }, SynthConfig { takes: 2, ..small() }];
+    others.push(SynthConfig { scanner: ScannerConfig::off(), ..small() });
+    for other in others {
+        assert_ne!(base, other.fingerprint());
+    }
+}
+
+#[test]
+fn senseless_configurations_are_refused_by_name() {
+    let cases: [(SynthConfig, &str); 7] = [
+        (SynthConfig { bmi: vec![], ..small() }, "bmi"),
+        (SynthConfig { bmi: vec![f64::NAN], ..small() }, "bmi"),
+        (SynthConfig { motions: vec!["hips".into(), "hips".into()], ..small() }, "hips"),
+        (SynthConfig { motions: vec!["swimming".into()], ..small() }, "swimming"),
+        (SynthConfig { fps: f32::NAN, ..small() }, "fps"),
+        (SynthConfig { level: 2, ..small() }, "level"),
+        (SynthConfig { scanner: ScannerConfig { noise: -1.0, ..Default::default() }, ..small() }, "noise"),
+    ];
+    let out = tempfile::tempdir().unwrap();
+    for (config, word) in cases {
+        let error = write_with(&config, bodies(), out.path(), &Silent).unwrap_err().to_string();
+        assert!(error.contains(word), "{error}");
+        assert!(files(out.path()).is_empty(), "something was written for {error}");
+    }
+}
