@@ -218,7 +218,8 @@ mod tests {
     fn broken_bodies_are_refused() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("body.safetensors");
-        let breaks: [(fn(&mut BodyModel), &str); 6] = [
+        type Break = fn(&mut BodyModel);
+        let breaks: [(Break, &str); 6] = [
             (|b| b.template[2].y = f32::NAN, "template holds NaN"),
             (|b| b.skin[1].weights[0] = 0.5, "skin weights of vertex 1"),
             (|b| b.skin[3].joints[1] = 7, "skin weights of vertex 3"),
