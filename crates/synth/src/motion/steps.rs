@@ -21,7 +21,7 @@ pub(crate) struct Knees {
 impl Knees {
     pub fn new(stage: &Stage) -> Self {
         let places = stage.places(0.9);
-        let (start, period) = (0.5, 1.0 / stage.hertz(2.0));
+        let (start, period) = (0.5, 1.0 / stage.hertz(1.85));
         let end = stage.stop.unwrap_or(stage.duration);
         let mut plants: [Vec<Plant>; 2] = places.map(|place| vec![Plant { from: -ALWAYS, to: ALWAYS, place }]);
         let mut step = 0;
@@ -65,9 +65,9 @@ impl Knees {
             arm.bend = DVec3::new(-0.15, 0.4, 1.0);
         }
         p.mass.x -= 0.5 * beat * self.places[0].x;
-        // half of the lifted leg's rise is taken up by the standing one
+        // some of the lifted leg's rise is taken up by the standing one
         p.mass.y = stage.standing_mass(&stage.easy(self.places, t)).y;
-        p.mass_rules.y = 0.5;
+        p.mass_rules.y = 0.3;
         p.pelvis.y -= 0.015 - 0.012 * (lifted[0] + lifted[1]);
         p.turn = DQuat::from_rotation_y(-0.08 * beat) * DQuat::from_rotation_x(-0.06 * (lifted[0] + lifted[1]));
         p.bend_trunk(DVec3::new(0.05, 0.16 * beat, 0.0));
