@@ -11,6 +11,7 @@
 //! Nothing of a left-out clip reaches another clip.
 
 mod accumulate;
+mod accuracy;
 mod cholesky;
 mod config;
 mod cross;
@@ -28,6 +29,7 @@ mod subject;
 mod template;
 mod weights;
 
+pub use accuracy::{AccuracySum, ClipComparison, FitAccuracy};
 pub use config::{FitConfig, ObjectiveKind, Solver};
 pub use error::FitError;
 pub use motion::{FittedMotion, fit_motion};

@@ -39,6 +39,8 @@ pub(crate) struct Solution {
 
 /// Turn of a joint, radians, after which the part between bones and correctives is made anew.
 const OLD: f32 = 0.25;
+/// Ratio of a step to the one before above which that part is made anew as well.
+const SLOW: f64 = 0.2;
 const FIRST_DAMPING: f64 = 1e-5;
 const LEAST_DAMPING: f64 = 1e-9;
 const MOST_DAMPING: f64 = 1e6;
@@ -57,7 +59,7 @@ impl Objective {
         let (mut state, mut damping) = (start, FIRST_DAMPING);
         let mut kinematics = self.kinematics(&state);
         let mut normal = self.normal_with_prior(&kinematics, &state, before, scan, work);
-        let mut evaluations = 1;
+        let (mut evaluations, mut last_size) = (1, f64::INFINITY);
         while evaluations < stop.max_iterations {
             let Some(step) = damped_step(&normal, damping) else {
                 if damping > MOST_DAMPING {
@@ -70,10 +72,15 @@ impl Objective {
             if !next.is_finite() {
                 break;
             }
-            if step.iter().all(|x| x.abs() < stop.tolerance) {
+            let size = step.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+            if size < stop.tolerance {
                 state = next;
                 break;
             }
+            if size > SLOW * last_size {
+                work.cross = None;
+            }
+            last_size = size;
             let next_kinematics = self.kinematics(&next);
             let next_normal = self.normal_with_prior(&next_kinematics, &next, before, scan, work);
             evaluations += 1;

@@ -117,7 +117,7 @@ fn weights(skeleton: &Skeleton, j: usize, t: f32) -> SkinWeights {
 fn region(j: usize, out: Vec3) -> Region {
     match j {
         0 if out.z < -0.3 => Region::Buttocks,
-        0 | 3 | 6 => Region::Belly,
+        3 | 6 if out.z > 0.3 => Region::Belly,
         9 if out.z > 0.0 => Region::Chest,
         1 | 2 => Region::Thighs,
         4 | 5 => Region::Calves,
@@ -171,7 +171,7 @@ pub fn smooth_pose(seed: u64, t: f32, size: f32) -> (Vec<Vec3>, Vec3) {
 pub fn jiggle(body: &BodyModel, t: f32, amplitude: f32) -> Vec<Vec3> {
     let wave = |(p, region): (&Vec3, &Region)| {
         let soft = if region.is_soft() { amplitude } else { 0.0 };
-        soft * Vec3::new((25.0 * t + 9.0 * p.x).sin(), (28.0 * t + 7.0 * p.y).cos(), (22.0 * t + 8.0 * p.z).sin())
+        soft * Vec3::new((25.0 * t + 27.0 * p.y).sin(), (28.0 * t + 25.0 * p.x).cos(), (22.0 * t + 24.0 * p.y).sin())
     };
     body.template.iter().zip(&body.regions.0).map(wave).collect()
 }

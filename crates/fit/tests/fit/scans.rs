@@ -38,7 +38,7 @@ impl Truth {
         let body = figure(7, 8);
         let mut draws = Draws::new(21, "detail", 0, 0);
         let waves: Vec<[f32; 2]> =
-            (0..6).map(|_| [draws.range(-14.0, 14.0) as f32, draws.range(0.0, 6.0) as f32]).collect();
+            (0..6).map(|_| [draws.range(20.0, 35.0) as f32, draws.range(0.0, 6.0) as f32]).collect();
         let bump = |p: &Vec3| {
             let wave = |axis: usize, i: usize| (waves[i][0] * p[axis] + waves[i][1]).sin();
             recipe.detail * Vec3::new(wave(1, 0) * wave(2, 1), wave(0, 2) * wave(1, 3), wave(2, 4) * wave(0, 5))
