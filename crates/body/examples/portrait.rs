@@ -71,6 +71,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let details = [
         near("head", 0.17, 0.0, 0.0),
         near("head", 0.17, 0.7, 0.0),
+        near("head", 0.17, 1.57, 0.0),
         near("left_hand", 0.13, 0.9, 0.1),
         near("left_hand", 0.13, 0.0, 0.1),
         near("left_foot", 0.17, 0.8, 0.4),

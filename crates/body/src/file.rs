@@ -92,6 +92,38 @@ impl BodyModel {
         Ok(body)
     }
 
+    /// Refuses a body whose parts do not fit together: array lengths, finite numbers, indices, weights that sum to
+    /// one, parents before children, a mirror that is an involution. What [`BodyModel::read`] returns passes.
+    pub fn check(&self) -> Result<()> {
+        self.check_sizes().and_then(|()| self.check_parts()).map_err(BodyError::Inconsistent)?;
+        self.mirror.check()
+    }
+
+    /// Whether arrays are as long as the counts say and numbers are finite.
+    fn check_sizes(&self) -> std::result::Result<(), String> {
+        let (v, j) = (self.vertex_count(), self.joint_count());
+        let uv_faces = if self.uv.faces.is_empty() { 0 } else { self.topology.faces.len() };
+        let lengths = [
+            ("vertices of the topology", self.topology.vertex_count, v),
+            ("shape directions", self.shape_directions.len(), self.shape_count() * v),
+            ("pose directions", self.pose_directions.len(), 9 * j.saturating_sub(1) * v),
+            ("rows of the joint regressor", self.joint_regressor.rows.len(), j),
+            ("skin weights", self.skin.len(), v),
+            ("faces of the atlas", self.uv.faces.len(), uv_faces),
+            ("mirrored vertices", self.mirror.vertices.len(), v),
+            ("mirrored joints", self.mirror.joints.len(), j),
+            ("regions", self.regions.0.len(), v),
+        ];
+        if let Some((what, found, expected)) = lengths.into_iter().find(|(_, found, expected)| found != expected) {
+            return Err(format!("it has {found} {what}, expected {expected}"));
+        }
+        let fields = [&self.template, &self.shape_directions, &self.pose_directions];
+        let finite = fields.iter().all(|f| f.iter().all(|p| p.is_finite()))
+            && self.joint_regressor.rows.iter().flatten().all(|(_, w)| w.is_finite())
+            && self.uv.coordinates.iter().all(|c| c.is_finite());
+        if finite { Ok(()) } else { Err("a number in it is not finite".into()) }
+    }
+
     /// Whether every index points at something and every weight counts.
     fn check_parts(&self) -> std::result::Result<(), String> {
         let (v, j) = (self.vertex_count(), self.joint_count());

@@ -118,7 +118,7 @@ impl Figure {
     /// How densely vertices are wanted: 1 on plain parts, more at the head, hands, feet and breasts.
     pub fn detail(&self, p: Vec3) -> f32 {
         let p = Vec3::new(p.x.abs(), p.y, p.z);
-        1.0 + self.details().iter().map(|d| 4.0 * d.squeeze * d.weight(p)).sum::<f32>()
+        1.0 + self.details().iter().map(|d| 1.5 * d.squeeze * d.weight(p)).sum::<f32>()
     }
 
     /// Pulls a point of the left half towards the nearest details: a grid warped so is denser there.
@@ -130,9 +130,9 @@ impl Figure {
         let s = self.scale;
         let detail = |centre: Vec3, radius: f32, squeeze: f32| Detail { centre, radius: radius * s, squeeze };
         [
-            detail(self.joints[15] + v(0.0, 0.06, 0.05) * s, 0.13, 0.36),
-            detail(self.joints[22] + v(0.005, -0.005, 0.01) * s, 0.11, 0.50),
-            detail(self.joints[10] + v(0.005, 0.0, 0.02) * s, 0.09, 0.30),
+            detail(self.joints[15] + v(0.0, 0.06, 0.07) * s, 0.13, 0.45),
+            detail(self.joints[22] + v(0.020, -0.022, 0.01) * s, 0.11, 0.50),
+            detail(self.joints[10] + v(0.005, 0.0, 0.035) * s, 0.09, 0.32),
             detail(self.breast_extent().0, 0.09, 0.22),
         ]
     }
@@ -157,8 +157,8 @@ impl Figure {
         // (fraction of height, half width, front, back, centre z, width factor, depth factor)
         let rows: [(f32, f32, f32, f32, f32, f32, f32); 13] = [
             (0.00, 0.030, 0.030, 0.034, -0.012, 1.0, 1.0),
-            (0.06, 0.070, 0.058, 0.060, -0.010, hip, hip),
-            (0.13, 0.122, 0.082, 0.080, -0.008, hip, hip),
+            (0.06, 0.082, 0.062, 0.060, -0.010, hip, hip),
+            (0.13, 0.142, 0.088, 0.082, -0.008, hip, hip),
             (0.21, 0.166, 0.096, 0.086, -0.006, hip, hip),
             (0.29, 0.160, 0.099, 0.082, -0.004, 0.7 * hip + 0.3 * waist, 0.3 * hip + 0.7 * waist * belly),
             (0.38, 0.137, 0.094, 0.076, -0.001, 0.3 * hip + 0.7 * waist, waist * belly),
@@ -244,8 +244,8 @@ impl Figure {
             ball(at(0.0, 0.034, 0.068), v(0.021, 0.012, 0.018)),
             // brow, bridge and tip of the nose
             ball(at(0.0, 0.106, 0.062), v(0.044, 0.011, 0.021)),
-            Cone::new(at(0.0, 0.098, 0.079), 0.007 * s, at(0.0, 0.067, 0.097), 0.0105 * s),
-            ball(at(0.0, 0.063, 0.089), v(0.017, 0.008, 0.012)),
+            Cone::new(at(0.0, 0.102, 0.078), 0.009 * s, at(0.0, 0.078, 0.093), 0.012 * s),
+            ball(at(0.0, 0.070, 0.090), v(0.017, 0.015, 0.028)),
         ];
         let mut hollows = Vec::new();
         for side in [1.0, -1.0] {
@@ -287,6 +287,7 @@ impl Figure {
         Group::new(0.010 * s, parts)
     }
 
+    // The fingers and the nose are drawn about a centimetre too long: the net rounds their tips off.
     fn hand(&self, parts: &mut Vec<Primitive>, girth: f32) {
         let s = self.scale;
         let (wrist, knuckle) = (self.joints[20], self.joints[22]);
@@ -300,7 +301,7 @@ impl Figure {
         parts.extend(
             [
                 cone(at(0.010, 0.0, 0.0), 0.027, at(0.072, 0.0, 0.0), 0.039).thinner(n, 2.2),
-                cone(at(0.080, -0.002, 0.0), 0.036, at(0.152, -0.004, 0.010), 0.027).thinner(n, 2.3),
+                cone(at(0.080, -0.002, 0.0), 0.036, at(0.164, -0.004, 0.012), 0.030).thinner(n, 2.2),
                 cone(at(0.024, 0.016, 0.003), 0.017, at(0.056, 0.050, 0.008), 0.0135),
                 cone(at(0.056, 0.050, 0.008), 0.0135, at(0.086, 0.066, 0.012), 0.011),
             ]
@@ -315,8 +316,8 @@ impl Figure {
         let calf = girth(0.048, 0.030, 0.010).of(p);
         let joint = girth(0.034, 0.008, 0.0).of(p);
         let rows = [
-            (0, -0.16, 0.042, 0.050, 0.050, thigh),
-            (0, -0.03, 0.070, 0.072, 0.072, thigh),
+            (0, -0.16, 0.050, 0.054, 0.054, thigh),
+            (0, -0.03, 0.077, 0.076, 0.075, thigh),
             (0, 0.12, 0.083, 0.083, 0.083, thigh),
             (0, 0.30, 0.081, 0.083, 0.077, thigh),
             (0, 0.55, 0.069, 0.074, 0.066, thigh),

@@ -1,14 +1,16 @@
 use super::anatomy::Anatomy;
+use super::atlas::atlas;
 use super::figure::{Figure, JOINTS};
 use super::joint_rows::{joint_rows, solve_symmetric};
 use super::parameters::{PARAMETERS, ShapeParameters, sample_people};
 use super::parts;
+use super::pose_fit::PoseFit;
 use super::relax::{Net, fit_figure};
 use super::shape_space::{Scores, directions, mean, principal_scores};
 use super::subdivision::{SubdivisionMap, subdivide};
 use super::surface_nets::{Grid, QuadMesh, planes, surface_net, symmetric_planes};
 use super::weights::{dense_weights, mirrored_joint, skin_weights};
-use crate::{BodyError, BodyModel, Mirror, Result, Skeleton, UvAtlas};
+use crate::{BodyError, BodyModel, Mirror, Result, ShapedBody, Skeleton};
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -70,7 +72,10 @@ pub fn generate_levels(config: &ProceduralConfig) -> Result<Levels> {
     let (mesh, subdivision) = subdivide(&coarse.mesh);
     let net = Net::new(&mesh);
     let base = Figure::new(ShapeParameters::default());
-    let positions = net.relax(&base, &net.project(&base, &mesh.positions, 4), None, 6);
+    // coarse vertices lie on the surface already: smoothing them would wear off the tips
+    let mut start = mesh.positions.clone();
+    start[..coarse.mesh.positions.len()].copy_from_slice(&coarse.mesh.positions);
+    let positions = net.relax(&base, &net.project(&base, &start, 4), None, 2);
     let fine_mesh = QuadMesh { positions: net.project(&base, &positions, 3), ..mesh };
     // what the fine neutral mesh has beyond the lifted coarse one goes with every sample
     let lifted = subdivision.lift(&coarse.mesh.positions);
@@ -96,7 +101,14 @@ pub fn generate_levels(config: &ProceduralConfig) -> Result<Levels> {
         .collect();
     let dense = mirror_rows(&net, dense);
     let (coarse_body, scores) = coarse.finish()?;
-    let stage = Stage { mesh: &fine_mesh, net: &net, dense: &dense, samples: &samples, figures: &coarse.figures };
+    let stage = Stage {
+        mesh: &fine_mesh,
+        net: &net,
+        dense: &dense,
+        samples: &samples,
+        figures: &coarse.figures,
+        seed: config.seed,
+    };
     Ok(Levels { coarse: coarse_body, fine: assemble(&stage, &scores)?, subdivision })
 }
 
@@ -122,7 +134,7 @@ impl Coarse {
         let mut mesh = surface_net(base.left_half(), &grid(), &|p| base.warp(p))?;
         let net = Net::new(&mesh);
         mesh.positions = net.project(&base, &mesh.positions, 4);
-        mesh.positions = net.relax(&base, &mesh.positions, None, 10);
+        mesh.positions = net.relax(&base, &mesh.positions, None, 5);
         mesh.positions = net.project(&base, &mesh.positions, 3);
         let dense = dense_weights(&base, &net, &mesh.positions);
         let figures: Vec<Figure> = sample_people(config.seed, config.people).into_iter().map(Figure::new).collect();
@@ -139,25 +151,27 @@ impl Coarse {
             dense: &self.dense,
             samples: &self.samples,
             figures: &self.figures,
+            seed: self.config.seed,
         };
         Ok((assemble(&stage, &scores)?, scores))
     }
 }
 
-/// Node planes: finer across the feet than along the legs.
+/// Node planes: finer across the feet than along the legs. The spacings are tuned to give 1724 vertices, which
+/// subdivide to the 6890 of SMPL; nothing depends on the count.
 fn grid() -> Grid {
     Grid {
-        x: symmetric_planes(0.74, |x| if x > 0.40 { 0.040 } else { 0.036 }),
+        x: symmetric_planes(0.74, |x| if x > 0.40 { 0.042 } else { 0.038 }),
         y: planes(-0.05, 1.78, |y| {
             if y < 0.10 {
                 0.028
             } else if y < 0.75 {
-                0.050
+                0.051
             } else {
-                0.038
+                0.039
             }
         }),
-        z: planes(-0.26, 0.28, |_| 0.035),
+        z: planes(-0.26, 0.28, |_| 0.0352),
     }
 }
 
@@ -201,6 +215,7 @@ struct Stage<'a> {
     dense: &'a [[f32; JOINTS]],
     samples: &'a [Vec<Vec3>],
     figures: &'a [Figure],
+    seed: u64,
 }
 
 fn assemble(stage: &Stage, scores: &Scores) -> Result<ProceduralBody> {
@@ -222,14 +237,22 @@ fn assemble(stage: &Stage, scores: &Scores) -> Result<ProceduralBody> {
     let mut template = template;
     mirror_field(stage.net, &mut template);
     let joint_regressor = joint_rows(stage.net, &template, stage.samples, stage.figures);
+    let labels = parts::chart_labels(&base, &topology, &stage.mesh.positions, stage.dense);
+    let uv = atlas(&topology, &stage.mesh.positions, &labels);
+    let skin = skin_weights(stage.net, stage.dense);
+    let skeleton = Skeleton::smpl();
+    let shaped = ShapedBody { joints: joint_regressor.joints(&template), vertices: template };
+    let fit = PoseFit { shaped: &shaped, skin: &skin, parents: &skeleton.parents, net: stage.net, seed: stage.seed };
+    let pose_directions = fit.directions();
+    let template = shaped.vertices;
     let model = BodyModel {
         template,
         shape_directions,
-        pose_directions: vec![Vec3::ZERO; 9 * (JOINTS - 1) * v],
+        pose_directions,
         joint_regressor,
-        skin: skin_weights(stage.net, stage.dense),
-        skeleton: Skeleton::smpl(),
-        uv: UvAtlas::default(),
+        skin,
+        skeleton,
+        uv,
         mirror: Mirror {
             vertices: stage.net.mirror.clone(),
             joints: (0..JOINTS).map(|j| mirrored_joint(j) as u8).collect(),

@@ -21,13 +21,16 @@
 //! projection and tangential relaxation; principal components over the people.
 
 mod anatomy;
+mod atlas;
 mod bones;
+mod chart;
 mod figure;
 mod generator;
 mod implicit;
 mod joint_rows;
 mod parameters;
 mod parts;
+mod pose_fit;
 mod relax;
 mod shape_space;
 mod subdivision;

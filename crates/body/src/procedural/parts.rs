@@ -5,6 +5,7 @@ use super::relax::Net;
 use super::weights::diffuse;
 use crate::{Region, RegionMap};
 use glam::Vec3;
+use softtissue_geometry::Topology;
 
 /// The region of each vertex, symmetric.
 pub fn regions(figure: &Figure, net: &Net, positions: &[Vec3], dense: &[[f32; JOINTS]]) -> RegionMap {
@@ -57,6 +58,51 @@ fn region(figure: &Figure, p: Vec3, weights: &[f32; JOINTS]) -> Region {
         return if p.z > -0.035 * s { Region::Belly } else { Region::Rest };
     }
     if p.y < j[9].y + 0.10 * s && p.z > 0.015 * s { Region::Chest } else { Region::Rest }
+}
+
+/// The texture chart of each quad: body part, times two for front and back (for hands and feet: above and below).
+pub fn chart_labels(figure: &Figure, topology: &Topology, positions: &[Vec3], dense: &[[f32; JOINTS]]) -> Vec<u32> {
+    const PART: [u32; JOINTS] = [0, 1, 2, 0, 3, 4, 0, 5, 6, 0, 5, 6, 7, 0, 0, 7, 8, 9, 10, 11, 12, 13, 12, 13];
+    let j = &figure.joints;
+    topology
+        .quads
+        .iter()
+        .map(|quad| {
+            let mut shares = [0.0f32; 14];
+            for v in quad {
+                dense[*v as usize].iter().zip(PART).for_each(|(w, p)| shares[p as usize] += w);
+            }
+            let part = (0..14).fold(0, |best, p| if shares[p] > shares[best] { p } else { best });
+            let centre = quad.iter().map(|v| positions[*v as usize]).sum::<Vec3>() * 0.25;
+            let front = match part {
+                0 => centre.z > j[6].z + 0.01 * figure.scale,
+                7 => centre.z > j[15].z,
+                5 | 6 => centre.y > 0.02 * figure.scale,
+                12 | 13 => {
+                    let (wrist, hand) = (j[20 + part - 12], j[22 + part - 12]);
+                    (centre - wrist).dot((hand - wrist).cross(Vec3::Z)) > 0.0
+                }
+                _ => {
+                    let (a, b) = [
+                        (1, 4),
+                        (2, 5),
+                        (4, 7),
+                        (5, 8),
+                        (0, 0),
+                        (0, 0),
+                        (0, 0),
+                        (16, 18),
+                        (17, 19),
+                        (18, 20),
+                        (19, 21),
+                    ][part - 1];
+                    let t = (centre - j[a]).dot(j[b] - j[a]) / (j[b] - j[a]).length_squared();
+                    centre.z > j[a].z + (j[b].z - j[a].z) * t
+                }
+            };
+            2 * part as u32 + u32::from(front)
+        })
+        .collect()
 }
 
 /// Smooth tissue maps of the neutral mesh, `[V]` each.
