@@ -9,7 +9,7 @@ use softtissue_clips::MotionClip;
 use softtissue_eval::report::{ReportInput, StageTime, TrainingCurve, playback, write};
 use softtissue_eval::{
     Codec, CodecPair, LongRollout, Method, MethodError, StopProbe, Tally, acceptance, judge, judge_bounded, judge_fit,
-    judge_stops, judge_subspace, training_peaks,
+    judge_shapes, judge_stops, judge_subspace, training_peaks,
 };
 use softtissue_geometry::Frames;
 use softtissue_monitor::Silent;
@@ -62,6 +62,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let training = training_peaks(&w.scene(), &w.clips)?;
     let long = LongRollout { subject: &w.clips[0], motions: &motions[..2], seconds: 20.0, training: &training };
     judge_bounded(&mut metrics, &w.scene(), &methods, &long, &Silent)?;
+    let shapes = [-2.5, -1.5, -0.5, 0.5];
+    judge_shapes(&mut metrics, &w.body, &methods, &[0.5], &motions[0], &shapes, &Silent)?;
     stage("rest, decay, bounds");
     let codecs = [(25, Lossy(0.30), Lossy(0.25)), (50, Lossy(0.20), Lossy(0.18)), (100, Lossy(0.12), Lossy(0.13))];
     let pairs: Vec<CodecPair> = codecs

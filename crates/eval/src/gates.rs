@@ -31,6 +31,8 @@ fn regressor(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
         "against_ar2",
         Gate::new("soft ratio over that of the better per-subject AR(2)", "", against_ar2, None, Some(0.90)),
     );
+    let own = metrics.rest_truth.map_or(String::new(), |r| format!(" (the flesh itself: {r:.3})"));
+    let rest = format!("rms speed 2 s after the motion's end over that before it{own}");
     let energy = ours.and_then(|m| soft(m).energy_ratio);
     put(
         "energy",
@@ -49,16 +51,7 @@ fn regressor(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
             Some(1.5),
         ),
     );
-    put(
-        "rest",
-        Gate::new(
-            "rms speed 2 s after the motion's end over that before it",
-            "",
-            of(|m| m.rest_ratio),
-            None,
-            Some(0.05),
-        ),
-    );
+    put("rest", Gate::new(&rest, "", of(|m| m.rest_ratio), None, Some(0.05)));
     let mut decay = |name, what, unit, value: Option<f64>, most| {
         let mut gate = Gate::new(what, unit, value, None, Some(most));
         if ours.and_then(|m| m.decay_missing).is_some_and(|n| n > 0) {

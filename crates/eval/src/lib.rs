@@ -26,7 +26,7 @@ pub use metrics::{
     ClipMetrics, DataMetrics, DecayFigures, DecayMetrics, FitMetrics, Gate, MethodMetrics, Metrics, RegionMetrics,
     SCHEMA, SubspaceMetrics,
 };
-pub use probe::{DecayTrace, LongRollout, StopProbe, judge_bounded, judge_stops, training_peaks};
+pub use probe::{DecayTrace, LongRollout, StopProbe, judge_bounded, judge_shapes, judge_stops, training_peaks};
 pub use subspace::{CodecPair, judge_subspace};
 pub use tally::{ClipTally, MOVING, MethodTally, RegionSignal, Tally};
 

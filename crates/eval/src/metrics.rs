@@ -34,6 +34,13 @@ pub struct Metrics {
     /// The same with each objective: `posed`, `unposed` (Casas-Otaduy fig. 3).
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub fit_objectives: BTreeMap<String, FitMetrics>,
+    /// The truth's own speed 2 s after the motion's end over that before it, the worst probe.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest_truth: Option<f64>,
+    /// Mean vertex speed of the deltas in mm/s against the shape coefficient that follows body mass
+    /// (SoftSMPL fig. 8): pairs of `beta[1]` and speed, by method.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub shape_response: BTreeMap<String, Vec<[f64; 2]>>,
     /// Damped sinusoids fitted after an impact, one entry a probe and region.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub decays: Vec<DecayMetrics>,
@@ -337,6 +344,8 @@ mod tests {
                 .into(),
             fit: None,
             fit_objectives: BTreeMap::new(),
+            rest_truth: None,
+            shape_response: BTreeMap::new(),
             decays: vec![],
             gates: [("regressor.soft_ratio".to_owned(), Gate::new("soft ratio", "", Some(0.4), None, Some(0.6)))]
                 .into(),

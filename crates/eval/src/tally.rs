@@ -155,6 +155,8 @@ impl Tally {
             subspace: BTreeMap::new(),
             fit: None,
             fit_objectives: BTreeMap::new(),
+            rest_truth: None,
+            shape_response: BTreeMap::new(),
             decays: Vec::new(),
             gates: BTreeMap::new(),
             clips: self.clips.iter().map(clip_metrics).collect(),

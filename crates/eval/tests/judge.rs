@@ -7,7 +7,7 @@ use glam::Vec3;
 use softtissue_clips::{ClipId, MotionClip};
 use softtissue_eval::{
     Codec, CodecPair, EvalError, LongRollout, Method, MethodError, Metrics, Scene, StopProbe, Tally, judge,
-    judge_bounded, judge_fit, judge_stops, judge_subspace, training_peaks,
+    judge_bounded, judge_fit, judge_shapes, judge_stops, judge_subspace, training_peaks,
 };
 use softtissue_geometry::Frames;
 use softtissue_monitor::{Monitor, Silent};
@@ -146,6 +146,7 @@ fn rest_and_free_decay_are_those_of_the_oscillator() {
     assert!(metrics.methods["off"].decay_hz_error.unwrap() > 0.5);
     assert!((metrics.methods["off"].decay_damping_error.unwrap() - 0.05).abs() < 0.01);
     assert!(exact.rest_ratio.unwrap() < 0.05 && metrics.methods["off"].rest_ratio.unwrap() > exact.rest_ratio.unwrap());
+    assert_eq!(metrics.rest_truth, exact.rest_ratio);
     assert_eq!(traces.len(), metrics.decays.len());
     assert_eq!(traces[0].curves["off"].len(), 230 - 103);
     let silent = softtissue_eval::BodyAlone { vertex_count: w.body.vertex_count() };
@@ -170,6 +171,35 @@ fn a_long_rollout_is_held_against_the_training_maximum() {
     assert_eq!(metrics.methods["truth"].bounded_seconds, Some(60.0));
     let none = LongRollout { motions: &[], ..long };
     assert!(judge_bounded(&mut metrics, &w.scene(), &[&triple], &none, &Silent).is_err());
+}
+
+/// Moves as much as the second shape coefficient says.
+struct ByShape;
+
+impl Method for ByShape {
+    fn name(&self) -> &str {
+        "by-shape"
+    }
+    fn rollout(&self, _: &str, beta: &[f32], motion: &MotionClip) -> Result<Frames, MethodError> {
+        let mut frames = Frames::zeros(122, motion.len());
+        for t in 0..motion.len() {
+            frames.frame_mut(t).fill(Vec3::Y * (1.0 - beta[1]) * 0.001 * t as f32);
+        }
+        Ok(frames)
+    }
+}
+
+#[test]
+fn speed_follows_the_shape() {
+    let folder = tempfile::tempdir().unwrap();
+    let w = world(folder.path());
+    let mut metrics = Tally::default().metrics("held-out", 1);
+    let m = motion("s01", "hop", 1.6, 30, 30);
+    judge_shapes(&mut metrics, &w.body, &[&ByShape], &[0.3], &m, &[-2.0, 0.0, 1.0], &Silent).unwrap();
+    // (1 - beta) mm a frame at 60 frames a second
+    for ([beta, speed], expected) in metrics.shape_response["by-shape"].iter().zip([180.0, 60.0, 0.0]) {
+        assert!((speed - expected).abs() < 1e-2, "{beta} {speed}");
+    }
 }
 
 struct Shrink(f32);

@@ -21,6 +21,7 @@ pub struct PageData {
     spectra: Vec<RegionCurves>,
     decays: Vec<RegionCurves>,
     training: Vec<RegionCurves>,
+    shapes: Vec<(String, Vec<[f64; 2]>)>,
     mesh: Option<MeshData>,
     playback: Vec<Play>,
 }
@@ -90,6 +91,7 @@ impl PageData {
             spectra: spectra(input, &methods),
             decays: decays(input, &methods),
             training: training(input),
+            shapes: input.metrics.shape_response.iter().map(|(n, c)| (n.clone(), c.clone())).collect(),
             mesh: (!playback.is_empty()).then(|| mesh(input)),
             playback,
             labels,

@@ -164,6 +164,10 @@ fn motion(input: &ReportInput) -> String {
         out += &regions;
         out += "</details>";
     }
+    if !m.shape_response.is_empty() {
+        out += "<h3>Speed against body mass</h3><p>The same motion on other bodies: beta 1 falls as mass rises.</p>\
+                <div class=\"chart\" id=\"chart-shapes\"></div>";
+    }
     if !input.decays.is_empty() {
         out += "<h3>Free decay after landing</h3><p>The motion has ended; what is left is the flesh's own ringing.</p>\
                 <div class=\"chart pick\" id=\"chart-decay\"></div>";

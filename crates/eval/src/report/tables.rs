@@ -14,7 +14,7 @@ fn names(metrics: &Metrics, take: impl Fn(&str) -> bool) -> Vec<&str> {
 
 /// Opens a table row for a method.
 fn method_row(out: &mut String, name: &str) {
-    let class = if name.split('/').next() == Some(OURS) { " class=\"ours\"" } else { "" };
+    let class = if name == OURS { " class=\"ours\"" } else { "" };
     let _ = write!(out, "<tr{class}><th scope=\"row\">{}</th>", escape(&method_label(name)));
 }
 

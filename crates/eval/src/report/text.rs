@@ -45,7 +45,12 @@ pub fn by_rank(a: &str, b: &str) -> Ordering {
         let base = name.split('/').next().unwrap_or(name);
         const ORDER: [&str; 6] = ["body", "mean", "ridge", "ar2-pooled", "ar2-subject", "resonators"];
         let place = ORDER.iter().position(|o| *o == base).unwrap_or(ORDER.len());
-        (if base == crate::OURS { ORDER.len() + 1 } else { place }, name.len())
+        let place = match name {
+            crate::OURS => ORDER.len() + 2,
+            _ if base == crate::OURS => ORDER.len() + 1,
+            _ => place,
+        };
+        (place, name.len())
     };
     rank(a).cmp(&rank(b)).then_with(|| a.cmp(b))
 }
@@ -105,8 +110,12 @@ mod tests {
 
     #[test]
     fn ours_comes_last_and_the_body_first() {
-        let mut names = vec!["softtissue", "zeta", "body", "ar2-subject/dyna", "ridge", "ar2-subject"];
+        let mut names =
+            vec!["softtissue", "zeta", "softtissue/no-shortcut", "body", "ar2-subject/dyna", "ridge", "ar2-subject"];
         names.sort_by(|a, b| by_rank(a, b));
-        assert_eq!(names, ["body", "ridge", "ar2-subject", "ar2-subject/dyna", "zeta", "softtissue"]);
+        assert_eq!(
+            names,
+            ["body", "ridge", "ar2-subject", "ar2-subject/dyna", "zeta", "softtissue/no-shortcut", "softtissue"]
+        );
     }
 }

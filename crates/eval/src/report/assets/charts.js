@@ -70,7 +70,7 @@ function showTip(event, rows) {
 function colourOf(name, index) {
   if (name === "truth") return "var(--c-truth)";
   if (name === "body") return "var(--c-body)";
-  if (name.split("/")[0] === "softtissue") return "var(--c-ours)";
+  if (name === "softtissue") return "var(--c-ours)";
   return `var(--c${index % 7})`;
 }
 
@@ -139,7 +139,7 @@ function lineChart(host, options) {
   if (options.y) make("text", { x: 0, y: 12 }, svg).textContent = options.y;
   for (const s of shown) {
     const d = s.points.map(([x, y], i) => (i ? "L" : "M") + px(x).toFixed(1) + " " + py(y).toFixed(1)).join("");
-    const ours = s.name === "truth" || s.name.split("/")[0] === "softtissue";
+    const ours = s.name === "truth" || s.name === "softtissue";
     make("path", { d, fill: "none", style: `stroke:${s.colour}`, "stroke-width": ours ? 2.2 : 1.4, "stroke-linejoin": "round" }, svg);
   }
   const cursor = make("line", { class: "cursor", y1: pad.top, y2: height - pad.bottom, visibility: "hidden" }, svg);

@@ -5,17 +5,19 @@
   document.body.append(tip);
   const at = (id) => document.getElementById(id);
   const colours = {};
-  data.methods.filter((m) => m !== "body" && m.split("/")[0] !== "softtissue").forEach((m, i) => (colours[m] = colourOf(m, i)));
+  data.methods.filter((m) => m !== "body" && m !== "softtissue").forEach((m, i) => (colours[m] = colourOf(m, i)));
   const colour = (name, i) => colours[name] || colourOf(name, i || 0);
   const label = (name) => data.labels[name] || name;
   const series = (curves) => curves.map(([name, points], i) => ({ name, label: label(name), colour: colour(name, i), points }));
-  const strong = (name) => name.split("/")[0] === "softtissue";
+  const strong = (name) => name === "softtissue";
 
+  // The first view of many lines shows the ones that matter; the others are a click away.
+  const asides = () => new Set(data.methods.filter((m) => m.includes("/") || ["mean", "ridge", "ar2-pooled"].includes(m)));
   // A chart with a chooser: draws entry `index` and keeps what was switched off.
   function chooser(id, entries, draw) {
     const host = at(id);
     if (!host || !entries.length) return () => {};
-    const state = { index: 0, hidden: new Set() };
+    const state = { index: 0, hidden: asides() };
     const redraw = () => lineChart(host, {
       ...draw(entries[state.index]),
       hidden: state.hidden,
@@ -37,6 +39,12 @@
   const drawTraining = chooser("chart-training", data.training, (stage) => ({
     title: stage.name, x: "step", y: "", log: stage.curves.every(([, c]) => c.every(([, y]) => y > 0)), series: series(stage.curves),
   }));
+
+  function drawShapes() {
+    if (at("chart-shapes")) lineChart(at("chart-shapes"), {
+      title: "Mean vertex speed of the deltas", x: "beta 1 (heavier to the left)", y: "mm/s", unit: "mm/s", zero: true, series: series(data.shapes),
+    });
+  }
 
   function drawBars() {
     const row = (value) => (b) => ({ label: label(b.name), value: b[value], colour: colour(b.name), strong: strong(b.name) });
@@ -66,7 +74,7 @@
   const player = data.mesh && new Player(data, (seconds) => placeCursor && placeCursor(seconds), (clip, curves) => { playing = [clip, curves]; drawPlay(); });
 
   function drawAll() {
-    [drawTime, drawSpectra, drawDecay, drawTraining, drawBars, drawPlay].forEach((draw) => draw());
+    [drawTime, drawSpectra, drawShapes, drawDecay, drawTraining, drawBars, drawPlay].forEach((draw) => draw());
   }
   drawAll();
   let width = innerWidth;
