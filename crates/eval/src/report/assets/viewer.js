@@ -24,15 +24,15 @@ void main() {
   float key = max(dot(n, normalize(vec3(0.45, 0.7, 0.65))), 0.0);
   float fill = max(dot(n, normalize(vec3(-0.7, 0.15, 0.5))), 0.0);
   float rim = pow(1.0 - max(dot(n, normalize(-eye)), 0.0), 3.0);
-  vec3 lit = c * (0.36 + 0.14 * n.y + 0.55 * key + 0.16 * fill) + vec3(0.10) * rim;
+  vec3 lit = c * (0.40 + 0.13 * n.y + 0.58 * key + 0.18 * fill) + vec3(0.10) * rim;
   gl_FragColor = vec4(pow(lit, vec3(0.94)), 1.0);
 }`;
 
 // Low to high, 0..1 a channel.
 const RAMPS = {
-  error: [[0.82, 0.83, 0.83], [0.98, 0.84, 0.42], [0.95, 0.52, 0.27], [0.80, 0.20, 0.24], [0.42, 0.05, 0.24]],
-  displacement: [[0.82, 0.83, 0.83], [0.60, 0.84, 0.80], [0.22, 0.66, 0.72], [0.12, 0.42, 0.62], [0.12, 0.18, 0.42]],
-  plain: Array(5).fill([0.82, 0.83, 0.83]),
+  error: [[0.84, 0.80, 0.77], [0.98, 0.84, 0.42], [0.95, 0.52, 0.27], [0.80, 0.20, 0.24], [0.42, 0.05, 0.24]],
+  displacement: [[0.84, 0.80, 0.77], [0.60, 0.84, 0.80], [0.22, 0.66, 0.72], [0.12, 0.42, 0.62], [0.12, 0.18, 0.42]],
+  plain: Array(5).fill([0.84, 0.80, 0.77]),
 };
 
 async function inflate(base64) {
