@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 /// smaller step gives the same flesh.
 pub const DESIGN_STEP: f32 = 1.0 / (60.0 * 32.0);
 /// Elements flatter than this are softened by the square of their altitude, m: the explicit step's limit.
-pub const DESIGN_ALTITUDE: f32 = 0.007;
+pub const DESIGN_ALTITUDE: f32 = 0.008;
 
 /// A node that takes part: its column and layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,8 +47,10 @@ pub struct Chunk {
 pub struct SpringChunk {
     /// `nodes[end][lane]`.
     pub nodes: [[u32; LANES]; 2],
-    /// Tension at a strain of one before stiffening, N; 0 in filling.
-    pub tension: Lanes,
+    /// Tension per strain, N; 0 in filling.
+    pub linear: Lanes,
+    /// Tension per cubed strain, N.
+    pub cubic: Lanes,
 }
 
 /// The discrete body: everything that depends on shape and material but not on the motion.
@@ -169,24 +171,26 @@ fn springs(
     material: &Material,
 ) -> Vec<SpringChunk> {
     let free_mass = |i: u32| mass.get(number[i as usize] as usize).copied();
-    let springs: Vec<([u32; 2], f32)> = spring_pairs(body)
+    let springs: Vec<([u32; 2], [f32; 2])> = spring_pairs(body)
         .into_iter()
         .filter(|(p, _)| p.iter().any(|&i| columns.free[i as usize]) && p.iter().all(|&i| number[i as usize] != u32::MAX))
         .map(|([a, b], share)| {
             let length = (columns.rest[a as usize] - columns.rest[b as usize]).length();
             let breast = 0.5 * (columns.breast[a as usize] + columns.breast[b as usize]);
-            let wanted = material.stiffness * material.skin * (1.0 + (material.breast_skin - 1.0) * breast);
+            let factor = share * length * material.stiffness * (1.0 + (material.breast_skin - 1.0) * breast);
             let lightest = [a, b].iter().filter_map(|&i| free_mass(i)).fold(f32::INFINITY, f32::min);
             // about eight springs meet in a node: k dt^2 / m of each stays well under the step's limit of 4 / 8
             let cap = 0.15 * lightest * length / (DESIGN_STEP * DESIGN_STEP);
-            ([number[a as usize], number[b as usize]], share * wanted.min(cap))
+            let tension = [(factor * material.skin).min(cap), factor * material.skin_growth];
+            ([number[a as usize], number[b as usize]], tension)
         })
         .collect();
     springs
         .chunks(LANES)
         .map(|s| SpringChunk {
             nodes: std::array::from_fn(|end| std::array::from_fn(|l| s[l.min(s.len() - 1)].0[end])),
-            tension: Lanes(std::array::from_fn(|l| s.get(l).map_or(0.0, |s| s.1))),
+            linear: Lanes(std::array::from_fn(|l| s.get(l).map_or(0.0, |s| s.1[0]))),
+            cubic: Lanes(std::array::from_fn(|l| s.get(l).map_or(0.0, |s| s.1[1]))),
         })
         .collect()
 }

@@ -1,5 +1,6 @@
 use super::config::{FleshConfig, FleshLaw, Material};
-use super::elements::{Tetrahedron, edge_matrix, mirror_rank, split_prisms};
+use super::folds::folded_nodes;
+use super::elements::{Tetrahedron, edge_matrix, mirror_rank, smallest_altitude, split_prisms};
 use glam::Vec3;
 use softtissue_body::procedural::{Anatomy, BoneField};
 use softtissue_body::{BodyModel, Region, ShapedBody};
@@ -26,6 +27,12 @@ pub struct Columns {
 
 /// Length of a step of the walk to the core, m.
 const STEP: f32 = 0.002;
+/// Least altitude of an element, m.
+const FLATTEST: f32 = 0.003;
+/// The same as a part of a column's depth.
+const FLATTEST_PART: f32 = 0.1;
+/// Rounds of mending inverted elements.
+const ROUNDS: usize = 150;
 /// Width of the smooth union of the bones, m.
 const BLEND: f32 = 0.030;
 
@@ -103,7 +110,8 @@ impl Columns {
             tetrahedra,
         };
         columns.set_moduli(tissue, material, &inward);
-        columns.set_free(body, config, &inward);
+        let folded = folded_nodes(body, shaped, &columns);
+        columns.set_free(body, config, &inward, &folded);
         columns
     }
 
@@ -125,13 +133,13 @@ impl Columns {
         self.shear.iter_mut().for_each(|x| *x *= material.stiffness);
     }
 
-    fn set_free(&mut self, body: &BodyModel, config: &FleshConfig, inward: &[Vec3]) {
+    fn set_free(&mut self, body: &BodyModel, config: &FleshConfig, inward: &[Vec3], folded: &[bool]) {
         let v = body.vertex_count();
         for i in 0..v {
             let still = matches!(body.regions.0[i], Region::Head | Region::Hands | Region::Feet);
             let free = !still && inward[i].length() >= config.shallow;
             for layer in 0..self.layers {
-                self.free[layer * v + i] = free;
+                self.free[layer * v + i] = free && !folded[layer * v + i];
             }
         }
     }
@@ -150,7 +158,7 @@ fn place(
 ) -> Vec<Vec3> {
     let v = shaped.vertices.len();
     let mut rest = Vec::new();
-    for round in 0..60 {
+    for _ in 0..ROUNDS {
         rest.clear();
         for layer in 0..=layers {
             for i in 0..v {
@@ -168,13 +176,20 @@ fn place(
         let mut bad = vec![false; v];
         let mut any = false;
         for t in tetrahedra {
-            let m = edge_matrix(t.nodes, &rest);
-            let size = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
-            let thickness = inward[t.nodes[0] as usize % v].length() / layers as f32;
-            if m.determinant() < 0.10 * size * size * thickness.min(size) {
+            // a shallow column's elements are flat whatever their shape
+            let depth = t.nodes.iter().map(|&n| inward[n as usize % v].length()).fold(f32::INFINITY, f32::min);
+            let upright = edge_matrix(t.nodes, &rest).determinant() > 0.0;
+            if !upright || smallest_altitude(t.nodes, &rest) < FLATTEST.min(FLATTEST_PART * depth) {
                 any = true;
                 t.nodes.iter().for_each(|&n| bad[n as usize % v] = true);
             }
+        }
+        if std::env::var("DBG").is_ok() {
+            for r in [Region::UpperArms, Region::Belly, Region::Thighs, Region::Rest] {
+                let vs = body.regions.vertices(r);
+                eprint!("{} bad {} depth {:.0}; ", r.name(), vs.iter().filter(|&&i| bad[i as usize]).count(), 1e3 * vs.iter().map(|&i| inward[i as usize].length()).sum::<f32>() / vs.len() as f32);
+            }
+            eprintln!();
         }
         if !any {
             break;
@@ -182,15 +197,12 @@ fn place(
         for i in 0..v {
             bad[i] |= bad[body.mirror.vertices[i] as usize];
         }
-        let turn = if round % 3 == 2 { 0.95 } else { 0.9 };
-        for i in 0..v {
-            if bad[i] {
-                inward[i] *= turn;
-                // neighbours follow a little, so that no step is left in the core
-                let mean: Vec3 = adjacency.neighbours(i).iter().map(|&n| inward[n as usize]).sum::<Vec3>()
-                    / adjacency.neighbours(i).len() as f32;
-                inward[i] = inward[i].lerp(mean.clamp_length_max(inward[i].length()), 0.2);
-            }
+        let old = inward.to_vec();
+        for i in (0..v).filter(|&i| bad[i]) {
+            // paths that cross are combed by their neighbours before they are made shorter
+            let neighbours = adjacency.neighbours(i);
+            let mean = neighbours.iter().map(|&n| old[n as usize]).sum::<Vec3>() / neighbours.len() as f32;
+            inward[i] = old[i].lerp(mean, 0.5) * 0.985;
         }
         symmetrise(body, inward);
     }

@@ -42,17 +42,19 @@ pub struct Material {
     pub stiffness: f32,
     /// Times all damping. Default 1.
     pub damping: f32,
-    /// Shear modulus of fat, Pa. Default 650 (in vivo about 750).
+    /// Shear modulus of fat, Pa. Default 230: linear tetrahedra of 2-3 cm are two to three times too stiff against
+    /// the 500-750 Pa of fat in vivo.
     pub fat: f32,
     /// Breast tissue relative to fat. Default 0.75.
     pub breast: f32,
-    /// Shear modulus of relaxed muscle, Pa. Default 5000.
+    /// Shear modulus of relaxed muscle, Pa. Default 2500.
     pub muscle: f32,
-    /// Shear modulus of the abdomen's content in a lean body, Pa above `viscera`; falls by `e` per unit of body mass.
+    /// Shear modulus of the abdomen's content in a lean body, Pa above `viscera`, at one unit of mass under the mean;
+    /// falls by `e` per unit. Default 2500.
     pub viscera_lean: f32,
-    /// Shear modulus of the abdomen's content in a heavy body, Pa. Default 1800.
+    /// Shear modulus of the abdomen's content in a heavy body, Pa. Default 700.
     pub viscera: f32,
-    /// Resistance to change of volume, Pa. Default 30000; higher keeps volume better and needs a smaller step.
+    /// Resistance to change of volume, Pa. Default 50000; higher keeps volume better and needs a smaller step.
     pub bulk: f32,
     /// Mass density, kg/m^3. Default 960.
     pub density: f32,
@@ -62,8 +64,10 @@ pub struct Material {
     pub breast_viscosity: f32,
     /// Drag relative to the skinned body, 1/s. Default 2.5: damping that falls with frequency.
     pub drag: f32,
-    /// Tension of the skin's edges at a strain of one before stiffening, N. Default 60.
+    /// Tension of slack skin per strain and per length of an edge of the mesh, N/m. Default 80; a quarter of it in compression.
     pub skin: f32,
+    /// The same per cubed strain, N/m. Default 25000: what makes large movements stiffer than small ones.
+    pub skin_growth: f32,
     /// Skin of the breast relative to the rest. Default 0.6.
     pub breast_skin: f32,
 }
@@ -73,17 +77,18 @@ impl Default for Material {
         Self {
             stiffness: 1.0,
             damping: 1.0,
-            fat: 650.0,
+            fat: 230.0,
             breast: 0.75,
-            muscle: 5000.0,
+            muscle: 2500.0,
             viscera_lean: 2500.0,
-            viscera: 1800.0,
-            bulk: 30_000.0,
+            viscera: 700.0,
+            bulk: 50_000.0,
             density: 960.0,
             viscosity: 0.010,
             breast_viscosity: 0.018,
             drag: 2.5,
-            skin: 60.0,
+            skin: 80.0,
+            skin_growth: 25_000.0,
             breast_skin: 0.6,
         }
     }

@@ -89,8 +89,8 @@ pub fn add_element_forces<L: Law>(
 /// Strain beyond which the skin stiffens no more.
 const SKIN_STRAIN_END: f32 = 0.35;
 
-/// Adds the skin's tension `k (e + 25 e^3)`, a quarter of `k e` in compression, along its edges; `e` is the
-/// strain against the skinned length.
+/// Adds the skin's tension `k e + c e^3`, a quarter of `k e` in compression, along its edges; `e` is the strain
+/// against the skinned length.
 #[inline(always)]
 pub fn add_spring_forces(chunk: &SpringChunk, nodes: &[NodeState], forces: &mut [[f32; 4]]) {
     let zero = Lanes::splat(0.0);
@@ -111,8 +111,7 @@ pub fn add_spring_forces(chunk: &SpringChunk, nodes: &[NodeState], forces: &mut 
     let e = change / ((length + rest) * rest);
     let pulled = e.max(zero);
     let capped = pulled.min(Lanes::splat(SKIN_STRAIN_END));
-    let tension = chunk.tension
-        * (pulled * (Lanes::splat(1.0) + Lanes::splat(25.0) * capped * capped) + e.min(zero) * Lanes::splat(0.25));
+    let tension = pulled * (chunk.linear + chunk.cubic * capped * capped) + e.min(zero) * chunk.linear * Lanes::splat(0.25);
     let per_length = tension / length;
     for lane in 0..LANES {
         for r in 0..3 {
@@ -207,9 +206,9 @@ mod tests {
             let mut nodes = vec![NodeState::default(); 2];
             nodes[1].x[0] = 0.02;
             nodes[1].u[0] = 0.02 * stretch;
-            let mut tension = [0.0; LANES];
-            tension[0] = 60.0;
-            let chunk = SpringChunk { nodes: [[0; LANES], [1; LANES]], tension: Lanes(tension) };
+            let only_first = |x: f32| Lanes(std::array::from_fn(|l| if l == 0 { x } else { 0.0 }));
+            let chunk =
+                SpringChunk { nodes: [[0; LANES], [1; LANES]], linear: only_first(60.0), cubic: only_first(1500.0) };
             let mut forces = vec![[0.0; 4]; 2];
             add_spring_forces(&chunk, &nodes, &mut forces);
             assert!((forces[0][0] + forces[1][0]).abs() < 1e-6);

@@ -18,6 +18,7 @@ mod columns;
 mod config;
 mod contact;
 mod elements;
+mod folds;
 mod interval;
 mod kernel;
 mod law;

@@ -1,7 +1,7 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Elements worked on side by side.
-pub const LANES: usize = 8;
+pub const LANES: usize = 4;
 
 /// What the element formulas are written in: [`Lanes`] in the simulator, `f64` in the tests of their gradients.
 pub trait Number:
@@ -17,9 +17,9 @@ pub trait Number:
     fn ln(self) -> Self;
 }
 
-/// Eight numbers treated alike; the loops over the array become vector instructions.
+/// Four numbers treated alike; the loops over the array become vector instructions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(align(32))]
+#[repr(align(16))]
 pub struct Lanes(pub [f32; LANES]);
 
 macro_rules! lanewise {
