@@ -17,18 +17,19 @@ pub struct BoneCapsule {
 }
 
 impl BoneCapsule {
-    /// Distance to the surface (negative inside) and its gradient.
+    /// Distance to the surface (negative inside) and its gradient, both continuous off the axis.
     pub fn distance(&self, p: Vec3) -> (f32, Vec3) {
         let axis = self.end - self.start;
-        let squared = axis.length_squared().max(1e-12);
-        let t = ((p - self.start).dot(axis) / squared).clamp(0.0, 1.0);
-        let away = p - self.start - axis * t;
-        let length = away.length().max(1e-7);
-        let mut gradient = away / length;
-        if t > 0.0 && t < 1.0 {
-            gradient -= axis * ((self.end_radius - self.start_radius) / squared);
-        }
-        (length - (self.start_radius + (self.end_radius - self.start_radius) * t), gradient)
+        let length = axis.length().max(1e-6);
+        let axis = axis / length;
+        // the sphere of the sweep that comes nearest: least |p - c(u)| - r(u) over u
+        let slope = ((self.end_radius - self.start_radius) / length).clamp(-0.99, 0.99);
+        let along = (p - self.start).dot(axis);
+        let radial = (p - self.start - axis * along).length();
+        let u = (along + radial * slope / (1.0 - slope * slope).sqrt()).clamp(0.0, length);
+        let away = p - self.start - axis * u;
+        let reach = away.length().max(1e-7);
+        (reach - (self.start_radius + slope * u), away / reach)
     }
 }
 
@@ -71,11 +72,11 @@ pub fn bones(joints: &[Vec3], scale: f32) -> BoneField {
     let at = |joint: usize, x: f32, y: f32, z: f32| j[joint] + Vec3::new(x, y, z) * s;
     add(0, at(1, 0.0, 0.01, -0.01), 0.045, at(2, 0.0, 0.01, -0.01), 0.045);
     add(0, at(0, 0.0, -0.03, -0.03), 0.045, at(0, 0.0, 0.06, -0.03), 0.035);
-    add(3, at(3, 0.0, 0.0, -0.02), 0.028, at(6, 0.0, 0.0, -0.025), 0.030);
-    add(6, at(6, 0.0, 0.0, -0.025), 0.034, at(9, 0.0, 0.0, -0.010), 0.060);
+    add(3, at(3, 0.0, 0.0, 0.0), 0.026, at(6, 0.0, 0.0, -0.005), 0.028);
+    add(6, at(6, 0.0, 0.0, -0.005), 0.032, at(9, 0.0, 0.0, 0.0), 0.055);
     // the rib cage: two lobes and the upper chest
     for side in [1.0, -1.0] {
-        add(9, at(9, side * 0.050, -0.01, -0.005), 0.064, at(9, side * 0.042, 0.10, -0.015), 0.050);
+        add(9, at(9, side * 0.050, -0.01, 0.005), 0.058, at(9, side * 0.042, 0.10, -0.008), 0.046);
         let (collar, shoulder, elbow, wrist, hand) =
             if side > 0.0 { (13, 16, 18, 20, 22) } else { (14, 17, 19, 21, 23) };
         let (hip, knee, ankle, foot) = if side > 0.0 { (1, 4, 7, 10) } else { (2, 5, 8, 11) };
@@ -83,12 +84,12 @@ pub fn bones(joints: &[Vec3], scale: f32) -> BoneField {
         add(shoulder, j[shoulder], 0.022, j[elbow], 0.018);
         add(elbow, j[elbow], 0.018, j[wrist], 0.014);
         add(wrist, j[wrist], 0.012, j[hand], 0.012);
-        add(hand, j[hand], 0.011, j[hand] + (j[hand] - j[wrist]).normalize() * (0.085 * s), 0.008);
+        add(hand, j[hand], 0.011, j[hand] + (j[hand] - j[wrist]).normalize() * (0.055 * s), 0.007);
         add(hip, j[hip], 0.030, j[knee], 0.028);
         add(knee, j[knee], 0.028, j[ankle], 0.018);
         add(ankle, j[ankle], 0.020, j[foot], 0.015);
         add(ankle, j[ankle], 0.020, at(ankle, 0.0, -0.045, -0.025), 0.020);
-        add(foot, j[foot], 0.013, at(foot, 0.0, -0.008, 0.065), 0.009);
+        add(foot, j[foot], 0.013, at(foot, 0.0, -0.008, 0.050), 0.009);
     }
     add(12, at(12, 0.0, -0.03, -0.01), 0.030, at(15, 0.0, 0.0, -0.01), 0.030);
     add(15, at(15, 0.0, 0.06, 0.01), 0.045, at(15, 0.0, 0.115, 0.0), 0.065);

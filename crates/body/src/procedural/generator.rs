@@ -14,7 +14,7 @@ use crate::{BodyError, BodyModel, Mirror, Result, ShapedBody, Skeleton};
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use softtissue_geometry::Topology;
+use softtissue_geometry::{Topology, signed_volume};
 use std::sync::Arc;
 
 /// What body to make.
@@ -144,6 +144,7 @@ impl Coarse {
 
     fn finish(&self) -> Result<(ProceduralBody, Scores)> {
         let mut scores = principal_scores(&self.samples, self.config.shapes);
+        align_axes(&mut scores, &self.samples, &split_quads(&self.mesh));
         fix_signs(&mut scores, &self.figures);
         let stage = Stage {
             mesh: &self.mesh,
@@ -172,6 +173,42 @@ fn grid() -> Grid {
             }
         }),
         z: planes(-0.26, 0.28, |_| 0.0352),
+    }
+}
+
+/// Turns the components so that the second points along log BMI and the first along stature, as far as these are
+/// linear in the scores; the others stay in order. The scores are white, so any rotation of them is as good a basis
+/// of the same bodies.
+fn align_axes(scores: &mut Scores, samples: &[Vec<Vec3>], topology: &Topology) {
+    let statures: Vec<f64> = samples
+        .iter()
+        .map(|x| {
+            let (low, high) = x.iter().fold((f32::MAX, f32::MIN), |(l, h), p| (l.min(p.y), h.max(p.y)));
+            f64::from(high - low)
+        })
+        .collect();
+    let bmi = |(x, stature): (&Vec<Vec3>, &f64)| (signed_volume(x, &topology.faces) / stature.powi(2)).ln();
+    let log_bmi: Vec<f64> = samples.iter().zip(&statures).map(bmi).collect();
+    let count = scores.values[0].len();
+    // the scores' means are zero, so the products need no centring
+    let towards = |target: &[f64]| -> Vec<f64> {
+        (0..count).map(|k| scores.values.iter().zip(target).map(|(r, t)| r[k] * t).sum()).collect()
+    };
+    let mut candidates = vec![towards(&log_bmi), towards(&statures)];
+    candidates.extend((2..count).map(|k| (0..count).map(|i| if i == k { 1.0 } else { 0.0 }).collect()));
+    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(count);
+    for mut axis in candidates {
+        for done in &basis {
+            let dot: f64 = axis.iter().zip(done).map(|(a, d)| a * d).sum();
+            axis.iter_mut().zip(done).for_each(|(a, d)| *a -= dot * d);
+        }
+        let length = axis.iter().map(|a| a * a).sum::<f64>().sqrt();
+        axis.iter_mut().for_each(|a| *a /= length);
+        basis.push(axis);
+    }
+    basis.swap(0, 1);
+    for row in &mut scores.values {
+        *row = basis.iter().map(|axis| axis.iter().zip(row.iter()).map(|(a, r)| a * r).sum()).collect();
     }
 }
 

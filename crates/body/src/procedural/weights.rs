@@ -83,14 +83,15 @@ fn nearest_bone(figure: &Figure, p: Vec3) -> usize {
         if (side > 0 && !left) || (side < 0 && left) {
             continue;
         }
-        let a = j[joint];
+        // the head's own bone starts above the joint, or it would take the neck
+        let a = if joint == 15 { j[15] + Vec3::Y * 0.035 * s } else { j[joint] };
         let (b, reach) = match joint {
             0 => (Vec3::new(if left { 0.06 } else { -0.06 } * s, a.y - 0.02 * s, a.z), 0.105),
             3 | 6 => (j[bone_end(joint).expect("spine")], 0.10),
-            9 => (j[12] - Vec3::Y * 0.05 * s, 0.115),
-            12 => (j[15], 0.05),
+            9 => (j[12] - Vec3::Y * 0.085 * s, 0.11),
+            12 => (j[15], 0.062),
             13 | 14 => (j[bone_end(joint).expect("collar")], 0.045),
-            15 => (a + Vec3::Y * 0.16 * s, 0.075),
+            15 => (a + Vec3::Y * 0.16 * s, 0.072),
             1 | 2 => (j[joint + 3], 0.075),
             10 | 11 => (a + Vec3::new(0.0, -0.005, 0.07) * s, 0.03),
             22 | 23 => (a + (a - j[joint - 2]).normalize() * 0.09 * s, 0.03),
