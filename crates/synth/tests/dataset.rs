@@ -6,7 +6,7 @@ use softtissue_geometry::{rotation_from_axis_angle, vertex_normals};
 use softtissue_monitor::{Monitor, Silent};
 use softtissue_synth::SynthError;
 use softtissue_synth::dataset::{Bodies, SynthConfig, scans_path, truth_path, write_with};
-use softtissue_synth::motion::{Figure, MOTIONS, Request, Style, perform};
+use softtissue_synth::motion::{Figure, MOTIONS, Request, Style, ground_reaction, landing_peaks, perform};
 use softtissue_synth::scanner::{ScannerConfig, clean, rough_motion, scan};
 use softtissue_synth::subject::{Subject, SubjectConfig};
 use std::collections::BTreeMap;
@@ -23,9 +23,15 @@ fn small() -> SynthConfig {
     }
 }
 
+/// Both levels, made once.
+fn fine_bodies() -> &'static Bodies {
+    static BODIES: OnceLock<Bodies> = OnceLock::new();
+    BODIES.get_or_init(|| Bodies::generate(&SynthConfig { level: 1, ..small() }).unwrap())
+}
+
 fn bodies() -> &'static Bodies {
     static BODIES: OnceLock<Bodies> = OnceLock::new();
-    BODIES.get_or_init(|| Bodies::generate(&small()).unwrap())
+    BODIES.get_or_init(|| Bodies { coarse: fine_bodies().coarse.clone(), fine: None })
 }
 
 fn subject(index: usize, bmi: f64) -> Subject {
@@ -121,6 +127,29 @@ fn scans_hold_nothing_of_the_truth_and_truth_explains_the_scans() {
         assert!((0.0035..0.0085).contains(&rms), "{id}: static detail of {rms} m rms");
         assert!(set.rough_motion(&id).unwrap().is_some());
     }
+}
+
+#[test]
+fn the_fine_level_carries_the_same_flesh() {
+    let config = SynthConfig {
+        bmi: vec![27.0],
+        motions: vec!["jumping_jacks".into()],
+        frames: 40,
+        subjects: SubjectConfig::neutral(),
+        ..small()
+    };
+    let moved = |level: u8, bodies: &Bodies| {
+        let out = tempfile::tempdir().unwrap();
+        let set = write_with(&SynthConfig { level, ..config.clone() }, bodies, out.path(), &Silent).unwrap();
+        let model = &bodies.scanned().model;
+        assert_eq!((set.vertex_count(), set.topology()), (model.vertex_count(), model.topology.hash().as_str()));
+        let deltas = TruthSet::open(&truth_path(out.path())).unwrap().deltas(&set.ids()[0]).unwrap().deltas;
+        let soft = model.regions.soft();
+        soft.iter().map(|v| deltas.frame(39)[*v as usize].length()).sum::<f32>() / soft.len() as f32
+    };
+    let (coarse, fine) = (moved(0, bodies()), moved(1, fine_bodies()));
+    assert!(coarse > 0.0005, "{coarse} m");
+    assert!((fine / coarse - 1.0).abs() < 0.15, "{fine} m on the fine level, {coarse} m on the coarse one");
 }
 
 #[test]
@@ -236,7 +265,7 @@ fn the_pose_mismatch_is_smooth_and_of_a_few_millimetres() {
 }
 
 #[test]
-fn soles_stay_on_the_ground() {
+fn soles_stay_on_the_ground_and_landings_are_hard() {
     // the skinned body alone: 5 mm of the soles may sink in
     let body = &bodies().scanned().model;
     for (index, bmi) in [(0, 19.0), (1, 31.0)] {
@@ -246,6 +275,9 @@ fn soles_stay_on_the_ground() {
         for motion in MOTIONS {
             let request = Request { subject: &s.name, motion, take: 0, frames: 150, fps: 60.0, seed: 1 };
             let clip = perform(&request, &figure, &s.style).unwrap().clip;
+            for peak in landing_peaks(&ground_reaction(&figure, &clip), 60.0) {
+                assert!((2.5..=4.0).contains(&peak), "{motion} of BMI {bmi} lands with {peak:.2} body weights");
+            }
             for t in (0..150).step_by(3) {
                 let pose = Pose { rotations: clip.rotations.frame(t), translation: clip.translations[t] };
                 let lowest = body.posed(&shaped, pose, None).iter().map(|v| v.y).fold(f32::INFINITY, f32::min);

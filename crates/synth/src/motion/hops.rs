@@ -42,7 +42,7 @@ fn kind(name: &str) -> Option<Kind> {
     let kind = |pattern, flight, peak, width, heel, hops| Some(Kind { pattern, flight, peak, width, heel, hops });
     match name {
         "light_hopping_loose" => kind(Pattern::Loose, 0.21, 2.95, 1.0, [0.42, 0.0], 99),
-        "light_hopping_stiff" => kind(Pattern::Stiff, 0.19, 3.45, 0.85, [0.38, 0.18], 99),
+        "light_hopping_stiff" => kind(Pattern::Stiff, 0.19, 3.2, 0.85, [0.38, 0.18], 99),
         "jumping_jacks" => kind(Pattern::Jacks, 0.28, 3.25, 0.8, [0.42, 0.05], 99),
         "one_leg_jump" => kind(Pattern::OneLeg, 0.22, 3.1, 0.8, [0.38, 0.0], 99),
         "running_on_spot" => kind(Pattern::Running, 0.13, 2.9, 0.8, [0.33, 0.0], 99),
