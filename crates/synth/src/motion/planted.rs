@@ -109,10 +109,10 @@ fn shake_arms(stage: &Stage, p: &mut Posture, t: f64) {
         let size = stage.size_of(side) * (1.0 + 0.2 * stage.wander(5 + side, t).clamp(-1.0, 1.0));
         let lag = if side == 0 { 0.0 } else { 0.5 };
         let arm = &mut p.arms[side];
-        arm.elevation = 0.9 + 0.2 * size * (phase - lag).sin();
+        arm.elevation = 0.9 + 0.27 * size * (phase - lag).sin();
         arm.azimuth = 0.75 + 0.12 * size * (0.5 * phase).sin();
         arm.bend = DVec3::new(-0.5, 0.3, 0.8);
-        arm.elbow = 0.65 + 0.3 * size * (phase - lag - 0.9).sin();
+        arm.elbow = 0.7 + 0.38 * size * (phase - lag - 0.9).sin();
         arm.wrist += DVec3::new(0.15, 0.25, 0.35) * size * (phase - lag - 1.7).sin();
         arm.collar.z = 0.05 * size * (phase - lag).sin();
     }
