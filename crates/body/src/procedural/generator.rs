@@ -176,9 +176,9 @@ fn grid() -> Grid {
     }
 }
 
-/// Turns the components so that the second points along log BMI and the first along stature, as far as these are
-/// linear in the scores; the others stay in order. The scores are white, so any rotation of them is as good a basis
-/// of the same bodies.
+/// Turns the components so that the first points along stature and the second along log BMI at fixed stature, as far
+/// as these are linear in the scores; the others stay in order. The scores are white, so any rotation of them is as
+/// good a basis of the same bodies.
 fn align_axes(scores: &mut Scores, samples: &[Vec<Vec3>], topology: &Topology) {
     let statures: Vec<f64> = samples
         .iter()
@@ -194,7 +194,7 @@ fn align_axes(scores: &mut Scores, samples: &[Vec<Vec3>], topology: &Topology) {
     let towards = |target: &[f64]| -> Vec<f64> {
         (0..count).map(|k| scores.values.iter().zip(target).map(|(r, t)| r[k] * t).sum()).collect()
     };
-    let mut candidates = vec![towards(&log_bmi), towards(&statures)];
+    let mut candidates = vec![towards(&statures), towards(&log_bmi)];
     candidates.extend((2..count).map(|k| (0..count).map(|i| if i == k { 1.0 } else { 0.0 }).collect()));
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(count);
     for mut axis in candidates {
@@ -206,7 +206,6 @@ fn align_axes(scores: &mut Scores, samples: &[Vec<Vec3>], topology: &Topology) {
         axis.iter_mut().for_each(|a| *a /= length);
         basis.push(axis);
     }
-    basis.swap(0, 1);
     for row in &mut scores.values {
         *row = basis.iter().map(|axis| axis.iter().zip(row.iter()).map(|(a, r)| a * r).sum()).collect();
     }

@@ -48,19 +48,48 @@ impl ShapeParameters {
     }
 }
 
-/// `count` people: normal draws cut at 2.2 deviations, in antithetic pairs so that the mean stays neutral.
+/// `count` people: normal draws cut at 2.2 deviations, in antithetic pairs so that the mean stays neutral, then made
+/// exactly uncorrelated, so that body mass does not come with stature by the luck of the draw.
 pub fn sample_people(seed: u64, count: usize) -> Vec<ShapeParameters> {
-    (0..count)
-        .map(|i| {
-            let mut draws = Draws::new(seed, "body/people", 0, (i / 2) as u64);
-            let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
-            ShapeParameters::from_array(std::array::from_fn(|_| {
-                let mut x = draws.normal();
-                while x.abs() > 2.2 {
-                    x = draws.normal();
-                }
-                (sign * x) as f32
-            }))
-        })
-        .collect()
+    let mut columns = vec![vec![0.0f64; count]; PARAMETERS];
+    for i in 0..count {
+        let mut draws = Draws::new(seed, "body/people", 0, (i / 2) as u64);
+        let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+        for column in &mut columns {
+            let mut x = draws.normal();
+            while x.abs() > 2.2 {
+                x = draws.normal();
+            }
+            column[i] = sign * x;
+        }
+    }
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    for k in 0..PARAMETERS {
+        let (done, rest) = columns.split_at_mut(k);
+        let column = &mut rest[0];
+        let before = dot(column, column);
+        for other in done.iter() {
+            let share = dot(column, other) / dot(other, other);
+            column.iter_mut().zip(other).for_each(|(x, o)| *x -= share * o);
+        }
+        let scale = (before / dot(column, column)).sqrt();
+        column.iter_mut().for_each(|x| *x *= scale);
+    }
+    (0..count).map(|i| ShapeParameters::from_array(std::array::from_fn(|k| columns[k][i] as f32))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn people_are_centred_and_uncorrelated() {
+        let people: Vec<[f32; PARAMETERS]> = sample_people(3, 60).into_iter().map(ShapeParameters::to_array).collect();
+        let mean = |f: &dyn Fn(&[f32; PARAMETERS]) -> f32| people.iter().map(f).sum::<f32>() / 60.0;
+        for i in 0..PARAMETERS {
+            assert!(mean(&|p| p[i]).abs() < 1e-5);
+            assert!((0.4..1.6).contains(&mean(&|p| p[i] * p[i])));
+            assert!((0..i).all(|k| mean(&|p| p[i] * p[k]).abs() < 1e-5));
+        }
+    }
 }
