@@ -134,8 +134,9 @@ fn rest_and_free_decay_are_those_of_the_oscillator() {
     let still = Broken("fails");
     let mut metrics = Tally::default().metrics("held-out", 1);
     let traces =
-        judge_stops(&mut metrics, &w.body, &[&OnBody(&w.body, truth()), &off], &[probe.clone()], &Silent).unwrap();
-    assert!(judge_stops(&mut metrics, &w.body, &[&still], &[probe.clone()], &Silent).is_err());
+        judge_stops(&mut metrics, &w.body, &[&OnBody(&w.body, truth()), &off], std::slice::from_ref(&probe), &Silent)
+            .unwrap();
+    assert!(judge_stops(&mut metrics, &w.body, &[&still], std::slice::from_ref(&probe), &Silent).is_err());
     let belly = metrics.decays.iter().find(|d| d.region == "belly").unwrap();
     // damped frequency of 3 Hz at ratio 0.15 is 2.966 Hz; symplectic steps shift it by less than 1 %
     assert!((belly.truth.hz - 2.966).abs() < 0.03 && (belly.truth.damping_ratio - 0.15).abs() < 0.01, "{belly:?}");

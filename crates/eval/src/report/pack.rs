@@ -7,7 +7,7 @@ use serde::Serialize;
 use softtissue_geometry::Frames;
 use std::io::Write;
 
-/// A packed sequence. A number is `(q + offset) * step`; see [`unpack`] in the tests for the order of bytes.
+/// A packed sequence. A number is `(q + offset) * step`; the tests unpack it byte by byte.
 #[derive(Clone, Debug, Serialize)]
 pub struct Packed {
     /// Metres a unit.

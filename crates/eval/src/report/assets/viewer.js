@@ -233,6 +233,17 @@ class Player {
     this.home = [0, 1, 2].map((a) => (low[a] + high[a]) / 2);
     this.floor = low[1];
     this.size = high[1] - low[1];
+    // a body that walks away is followed; one that stays is not, so that its sway can be seen
+    this.path = [];
+    for (let t = 0; t < frames; t++) {
+      this.path.push([0, 2].map((axis) => {
+        let sum = 0;
+        for (let i = 0; i < v; i++) sum += alone.q[(t * 3 + axis) * v + i];
+        return (sum / v) * alone.step + alone.centre[axis];
+      }));
+    }
+    const reach = Math.max(...[0, 1].map((k) => Math.max(...this.path.map((p) => p[k])) - Math.min(...this.path.map((p) => p[k]))));
+    this.follows = reach > 0.8;
     const sample = [];
     this.curves = { body: [], [this.clip.method]: [] };
     for (let t = 0; t < frames; t++) {
@@ -293,6 +304,7 @@ class Player {
       this.values[1][i] = error ? Math.sqrt(d) * scale : 0;
       this.values[2][i] = Math.sqrt(error ? e : p) * scale;
     }
+    if (this.follows) [this.camera.target[0], this.camera.target[2]] = this.path[t];
     const dark = getComputedStyle(document.body).color.match(/\d+/g)[0] > 128;
     const line = dark ? [0.22, 0.24, 0.26] : [0.80, 0.81, 0.82];
     this.views.forEach((view, i) => {
