@@ -135,7 +135,7 @@ pub struct AnimateArgs {
     /// Overall gain of the soft-tissue displacement; 0 gives the body alone.
     #[arg(long, default_value_t = 1.0, allow_hyphen_values = true)]
     pub gain: f32,
-    /// The file to write: `.glb`, or a folder for an OBJ sequence.
+    /// What to write: `.glb` or `.gltf`, `.png` (a picture of some frames), or a folder for an OBJ sequence.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Frames of a generated motion.

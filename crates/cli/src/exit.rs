@@ -1,8 +1,15 @@
 //! Which exit code an error ends with.
 
 use softtissue_body::BodyError;
+use softtissue_bundle::BundleError;
 use softtissue_clips::ClipError;
+use softtissue_eval::EvalError;
+use softtissue_export::ExportError;
+use softtissue_fit::FitError;
+use softtissue_import::ImportError;
+use softtissue_model::ModelError;
 use softtissue_store::StoreError;
+use softtissue_synth::SynthError;
 use softtissue_train::TrainError;
 use std::process::ExitCode;
 
@@ -45,27 +52,99 @@ pub struct InputError(pub String);
 
 /// The exit code of an error, by the first cause that tells.
 pub fn exit_of(error: &anyhow::Error) -> Exit {
-    for cause in error.chain() {
-        if cause.is::<UsageError>() {
-            return Exit::Usage;
-        }
-        if cause.is::<InputError>() {
-            return Exit::BadInput;
-        }
-        if let Some(e) = cause.downcast_ref::<TrainError>() {
-            return of_train(e);
-        }
-        if let Some(e) = cause.downcast_ref::<ClipError>() {
-            return of_clip(e);
-        }
-        if let Some(e) = cause.downcast_ref::<BodyError>() {
-            return of_body(e);
-        }
-        if let Some(e) = cause.downcast_ref::<StoreError>() {
-            return of_store(e);
-        }
+    error.chain().find_map(of_cause).unwrap_or(Exit::Internal)
+}
+
+/// The code of one cause. Errors that only carry another are passed over: their source comes next in the chain.
+fn of_cause(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
+    if cause.is::<UsageError>() {
+        return Some(Exit::Usage);
     }
-    Exit::Internal
+    if cause.is::<InputError>() {
+        return Some(Exit::BadInput);
+    }
+    let train = cause.downcast_ref().map(of_train);
+    train
+        .or_else(|| cause.downcast_ref().map(of_clip))
+        .or_else(|| cause.downcast_ref().map(of_body))
+        .or_else(|| cause.downcast_ref().map(of_store))
+        .or_else(|| cause.downcast_ref().map(of_synth))
+        .or_else(|| cause.downcast_ref().map(of_fit))
+        .or_else(|| cause.downcast_ref().map(of_import))
+        .or_else(|| cause.downcast_ref().map(of_bundle))
+        .or_else(|| cause.downcast_ref().map(of_model))
+        .or_else(|| cause.downcast_ref().map(of_eval))
+        .or_else(|| cause.downcast_ref().map(of_export))
+}
+
+fn of_synth(error: &SynthError) -> Exit {
+    match error {
+        SynthError::Body(e) => of_body(e),
+        SynthError::Clip(e) => of_clip(e),
+        SynthError::Store(e) => of_store(e),
+        SynthError::UnknownMotion { .. } | SynthError::Config { .. } => Exit::Usage,
+        SynthError::Skeleton { .. } | SynthError::Foreign { .. } => Exit::BadInput,
+        SynthError::Flesh { .. } => Exit::Internal,
+        SynthError::Stopped => Exit::Interrupted,
+    }
+}
+
+fn of_fit(error: &FitError) -> Exit {
+    match error {
+        FitError::Clip(e) => of_clip(e),
+        FitError::Body(e) => of_body(e),
+        FitError::Store(e) => of_store(e),
+        FitError::Config { .. } => Exit::Usage,
+        FitError::Stopped => Exit::Interrupted,
+        _ => Exit::BadInput,
+    }
+}
+
+fn of_import(error: &ImportError) -> Exit {
+    match error {
+        ImportError::Store(e) => of_store(e),
+        ImportError::Clip(e) => of_clip(e),
+        ImportError::Line { .. } | ImportError::File { .. } => Exit::BadInput,
+        ImportError::Stopped => Exit::Interrupted,
+    }
+}
+
+fn of_bundle(error: &BundleError) -> Exit {
+    match error {
+        BundleError::Store(e) => of_store(e),
+        BundleError::Body(e) => of_body(e),
+        _ => Exit::BadInput,
+    }
+}
+
+fn of_model(error: &ModelError) -> Exit {
+    match error {
+        ModelError::Store(e) => of_store(e),
+        ModelError::Clip(e) => of_clip(e),
+        ModelError::Config(_) | ModelError::Descriptor(_) => Exit::Usage,
+        ModelError::Data(_) => Exit::BadInput,
+        ModelError::Stopped => Exit::Interrupted,
+    }
+}
+
+fn of_eval(error: &EvalError) -> Exit {
+    match error {
+        EvalError::Store(e) => of_store(e),
+        EvalError::Clip(e) => of_clip(e),
+        EvalError::Body(e) => of_body(e),
+        EvalError::Method { .. } => Exit::Internal,
+        EvalError::Size { .. } | EvalError::Refused(_) => Exit::BadInput,
+        EvalError::Stopped => Exit::Interrupted,
+    }
+}
+
+fn of_export(error: &ExportError) -> Exit {
+    match error {
+        ExportError::Store(e) => of_store(e),
+        ExportError::Target { .. } => Exit::Usage,
+        ExportError::Animation { .. } => Exit::BadInput,
+        ExportError::Stopped => Exit::Interrupted,
+    }
 }
 
 fn of_store(error: &StoreError) -> Exit {

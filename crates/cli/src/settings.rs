@@ -2,7 +2,7 @@
 
 use crate::args::Settings;
 use crate::config::Config;
-use crate::exit::UsageError;
+use crate::exit::{InputError, UsageError};
 use anyhow::{Context, Result};
 use std::path::Path;
 use toml::{Table, Value};
@@ -39,6 +39,13 @@ pub fn resolve(settings: &Settings) -> Result<(String, Config)> {
     }
     config.check().map_err(|reason| usage(format!("{wanted}: {reason}")))?;
     Ok((name, config))
+}
+
+/// The settings that a run folder keeps.
+pub fn stored(path: &Path) -> Result<Config> {
+    let (_, text) = read_file(path)?;
+    let broken = |e: toml::de::Error| InputError(format!("{} is damaged: {}", path.display(), one_line(&e)));
+    Ok(toml::from_str(&text).map_err(broken)?)
 }
 
 fn read_file(path: &Path) -> Result<(String, String)> {

@@ -53,7 +53,7 @@ impl CheckpointFolder {
         let mut files = BTreeMap::new();
         let mut write = |name: &str, state: &State| -> Result<()> {
             let path = folder.join(name);
-            write_state(&path, state)?;
+            write_state(&path, state, &[])?;
             files.insert(name.to_owned(), sha256_file(&path)?);
             Ok(())
         };
@@ -136,17 +136,20 @@ impl CheckpointFolder {
     }
 }
 
-/// Writes named arrays as one tensor file.
-pub(crate) fn write_state(path: &Path, state: &State) -> Result<()> {
+/// Writes named arrays, and texts for the header, as one tensor file.
+pub fn write_state(path: &Path, state: &State, meta: &[(&str, String)]) -> Result<()> {
     let mut file = TensorFileWriter::new();
+    for (key, value) in meta {
+        file.meta(key, value);
+    }
     for array in state.values() {
         file.f32(&array.name, &array.shape, &array.data);
     }
     Ok(file.write(path)?)
 }
 
-/// Reads what [`write_state`] wrote.
-pub(crate) fn read_state(path: &Path) -> Result<State> {
+/// Reads the arrays that [`write_state`] wrote.
+pub fn read_state(path: &Path) -> Result<State> {
     let file = TensorFile::open(path)?;
     let mut state = State::new();
     for name in file.names() {

@@ -1,0 +1,79 @@
+//! Predictors as evaluation knows them.
+
+use softtissue_body::BodyModel;
+use softtissue_bundle::{Bundle, Player, Subspace};
+use softtissue_clips::MotionClip;
+use softtissue_eval::{Codec, Method, MethodError};
+use softtissue_geometry::Frames;
+use softtissue_model::Predictor;
+use softtissue_model::linear::Ladder;
+use std::sync::Arc;
+
+/// A bundle, run by the same player that ships.
+pub struct BundleMethod {
+    /// Name in tables.
+    pub name: String,
+    /// What is played.
+    pub bundle: Arc<Bundle>,
+}
+
+impl Method for BundleMethod {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn rollout(&self, _: &str, beta: &[f32], motion: &MotionClip) -> Result<Frames, MethodError> {
+        let mut player = Player::new(Arc::clone(&self.bundle), beta)?;
+        Ok(player.rollout(&motion.rotations, &motion.translations)?)
+    }
+    fn rollout_each(
+        &self,
+        _: &str,
+        beta: &[f32],
+        motion: &MotionClip,
+        sink: &mut dyn FnMut(&[glam::Vec3]),
+    ) -> Result<(), MethodError> {
+        let mut player = Player::new(Arc::clone(&self.bundle), beta)?;
+        player.play(&motion.rotations, &motion.translations, |_, player| sink(player.deltas()))?;
+        Ok(())
+    }
+}
+
+/// A rung of the ladder of baselines.
+pub struct LadderMethod {
+    /// Which rung.
+    pub name: String,
+    /// All rungs.
+    pub ladder: Arc<Ladder>,
+    /// The body they move.
+    pub body: Arc<BodyModel>,
+}
+
+impl Method for LadderMethod {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn rollout(&self, subject: &str, beta: &[f32], motion: &MotionClip) -> Result<Frames, MethodError> {
+        let rung = self.ladder.predictor(&self.name).ok_or_else(|| format!("the ladder has no rung {}", self.name))?;
+        Ok(rung.rollout(subject, beta, &self.body, &motion.rotations, &motion.translations)?)
+    }
+}
+
+/// Encodes and decodes with a subspace.
+pub struct SubspaceCodec(pub Subspace);
+
+impl Codec for SubspaceCodec {
+    fn reconstruct(&self, deltas: &Frames) -> Result<Frames, MethodError> {
+        let subspace = &self.0;
+        let mut scratch = subspace.scratch();
+        let mut latent = vec![0.0; subspace.latent_count()];
+        let mut out = Vec::with_capacity(deltas.points().len() * 3);
+        for frame in deltas.iter() {
+            let numbers: Vec<f32> = frame.iter().flat_map(|d| d.to_array()).collect();
+            let mut decoded = vec![0.0; numbers.len()];
+            subspace.encode(&numbers, &mut latent, &mut scratch);
+            subspace.decode(&latent, &mut decoded, &mut scratch);
+            out.extend(decoded);
+        }
+        Ok(Frames::from_numbers(deltas.points_per_frame(), &out))
+    }
+}

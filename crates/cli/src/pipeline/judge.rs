@@ -1,0 +1,134 @@
+//! What a run is worth: opened truth, measures, report.
+
+use super::bundle::{BundleMethod, SubspaceCodec};
+use super::context::Context;
+use super::learn::Learned;
+use super::probes::stop_probes;
+use super::scans::Scans;
+use anyhow::Result;
+use softtissue_body::BodyModel;
+use softtissue_bundle::{DeltaBasis, Decoder, Encoder, Linear, Matrix, Subspace};
+use softtissue_clips::{ClipId, FitSet, Split};
+use softtissue_eval::{
+    CodecPair, DecayTrace, LongRollout, Method, Metrics, Scene, Tally, acceptance, judge, judge_bounded, judge_fit,
+    judge_stops, judge_subspace, training_peaks,
+};
+use softtissue_model::truncated;
+use std::sync::Arc;
+
+/// What was found.
+pub struct Judgement {
+    /// All figures.
+    pub metrics: Metrics,
+    /// Curves behind them.
+    pub tally: Tally,
+    /// Free decays.
+    pub decays: Vec<DecayTrace>,
+}
+
+/// Judges a learned model on clips that training has not seen. Truth is opened here and nowhere before.
+pub fn judge_run(
+    context: &Context,
+    scans: &Scans,
+    body: &Arc<BodyModel>,
+    fit: &FitSet,
+    split: &Split,
+    learned: &Learned,
+) -> Result<Judgement> {
+    let truth = scans.open_truth()?;
+    let scene = Scene { body, fit, scans: Some(&scans.set), truth: truth.as_ref() };
+    let ours = BundleMethod { name: learned.bundle.info.method.clone(), bundle: Arc::clone(&learned.bundle) };
+    let mut methods: Vec<&dyn Method> = vec![&ours];
+    methods.extend(learned.ablations.iter().map(|m| m as &dyn Method));
+    methods.extend(learned.ladder.iter().map(|m| m as &dyn Method));
+    let clips = if split.test.is_empty() { &split.train } else { &split.test };
+
+    let mut tally = Tally::default();
+    context.timed("judge: test clips", || Ok(judge(&mut tally, &scene, &methods, clips, None, context.monitor)?))?;
+    let mut metrics = tally.metrics("held-out", context.config.seed);
+    metrics.subspace = context.timed("judge: subspaces", || judge_codecs(&scene, learned, clips, context))?;
+    metrics.fit = context.timed("judge: fit", || Ok(judge_fit(&scene, &all(split), context.monitor)?))?;
+    metrics.fit_objectives = context.timed("judge: fit objectives", || scans.compare_objectives(context, body, split, &scene))?;
+    if context.config.eval.bounded_seconds > 0.0 {
+        context.timed("judge: long rollout", || bounded(&mut metrics, &scene, split, &ours, context))?;
+    }
+    let decays = context.timed("judge: rest and decay", || {
+        let probes = stop_probes(context, body, fit, split, truth.is_some() && scans.generated)?;
+        let ladder = learned.ladder.iter().filter(|m| m.name.starts_with("ar2-subject") || m.name == "resonators");
+        let mut heard: Vec<&dyn Method> = vec![&ours];
+        heard.extend(ladder.map(|m| m as &dyn Method));
+        Ok(judge_stops(&mut metrics, body, &heard, &probes, context.monitor)?)
+    })?;
+    metrics.gates = acceptance(&metrics);
+    Ok(Judgement { metrics, tally, decays })
+}
+
+fn all(split: &Split) -> Vec<ClipId> {
+    split.train.iter().chain(&split.validation).chain(&split.test).cloned().collect()
+}
+
+fn judge_codecs(
+    scene: &Scene,
+    learned: &Learned,
+    clips: &[ClipId],
+    context: &Context,
+) -> Result<std::collections::BTreeMap<u32, softtissue_eval::SubspaceMetrics>> {
+    let basis = &learned.pca.basis;
+    let codecs: Vec<(u32, SubspaceCodec, SubspaceCodec, bool)> = learned
+        .subspaces
+        .values()
+        .map(|s| {
+            (s.latents as u32, SubspaceCodec(linear(basis, s.latents)), SubspaceCodec(s.to_plain(basis)), s.best_step > 0)
+        })
+        .collect();
+    let pairs: Vec<CodecPair> = codecs
+        .iter()
+        .map(|(latent, pca, ae, kept)| CodecPair {
+            latent: *latent,
+            pca,
+            autoencoder: Some(ae),
+            residual_kept: Some(*kept),
+        })
+        .collect();
+    Ok(judge_subspace(scene, &pairs, clips, context.monitor)?)
+}
+
+/// Principal components alone, as a subspace without residual units.
+fn linear(basis: &DeltaBasis, latents: usize) -> Subspace {
+    let identity = || {
+        let mut m = Matrix::zeros(latents, latents);
+        (0..latents).for_each(|i| m.row_mut(i)[i] = 1.0);
+        Linear { weight: m, bias: vec![0.0; latents] }
+    };
+    Subspace {
+        basis: truncated(basis, latents),
+        encoder: Encoder { units: vec![], project: identity() },
+        decoder: Decoder { lift: identity(), units: vec![] },
+    }
+}
+
+fn bounded(metrics: &mut Metrics, scene: &Scene, split: &Split, ours: &BundleMethod, context: &Context) -> Result<()> {
+    let Some(heaviest) = heaviest(scene.fit, &split.train)? else { return Ok(()) };
+    let motions = split
+        .train
+        .iter()
+        .filter(|id| id.subject == heaviest.subject)
+        .map(|id| Ok(scene.fit.motion(id)?))
+        .collect::<Result<Vec<_>>>()?;
+    let training = training_peaks(scene, &split.train)?;
+    let seconds = context.config.eval.bounded_seconds;
+    let long = LongRollout { subject: &heaviest, motions: &motions, seconds, training: &training };
+    Ok(judge_bounded(metrics, scene, &[ours], &long, context.monitor)?)
+}
+
+/// A clip of the subject with the least `beta[1]`: the heaviest.
+pub fn heaviest(fit: &FitSet, clips: &[ClipId]) -> Result<Option<ClipId>> {
+    let mut best: Option<(f32, ClipId)> = None;
+    for id in clips {
+        let mass = fit.subject(&id.subject)?.beta.get(1).copied().unwrap_or(0.0);
+        if best.as_ref().is_none_or(|(m, _)| mass < *m) {
+            best = Some((mass, id.clone()));
+        }
+    }
+    Ok(best.map(|(_, id)| id))
+}

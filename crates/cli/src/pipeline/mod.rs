@@ -1,0 +1,26 @@
+//! The stages of the main job, each from files to files: body, scans, fit, basis, subspaces, regressor, ladder,
+//! bundle, judgement.
+
+mod basis;
+mod body;
+mod bundle;
+mod context;
+mod job;
+mod judge;
+mod ladder;
+mod learn;
+mod motions;
+mod probes;
+mod recurrent;
+mod report;
+mod scans;
+mod subspaces;
+
+pub use body::load_body;
+pub use bundle::BundleMethod;
+pub use context::Context;
+pub use job::{Prepared, fold, prepare};
+pub use judge::{Judgement, heaviest, judge_run};
+pub use learn::{Learned, learn};
+pub use report::write_report;
+pub use scans::import_or_open;

@@ -1,0 +1,183 @@
+//! Scans and their fit: made, opened or brought in.
+
+use super::context::{Context, fingerprint};
+use crate::config::Config;
+use crate::exit::InputError;
+use anyhow::Result;
+use softtissue_body::BodyModel;
+use softtissue_clips::{ClipId, FitSet, ScanSet, Split, TruthSet};
+use softtissue_eval::{FitMetrics, Scene, judge_fit};
+use softtissue_fit::{FitConfig, ObjectiveKind, fit_set};
+use softtissue_geometry::Topology;
+use softtissue_import::{ImportLimits, SequenceConfig, Units, import_obj_sequences};
+use softtissue_monitor::Monitor;
+use softtissue_synth::dataset;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Scans and where their truth would be.
+#[derive(Clone, Debug)]
+pub struct Scans {
+    /// The scans.
+    pub set: ScanSet,
+    /// Truth, for generated scans. Opened by [`Scans::open_truth`] alone.
+    truth: Option<PathBuf>,
+    /// Names the scans' content.
+    pub fingerprint: String,
+    /// Whether they came from this configuration's generator, so that more can be asked of it.
+    pub generated: bool,
+}
+
+impl Scans {
+    /// Opens the truth, if there is any.
+    pub fn open_truth(&self) -> Result<Option<TruthSet>> {
+        match &self.truth {
+            Some(path) if path.join("subjects.json").exists() => Ok(Some(TruthSet::open(path)?)),
+            _ => Ok(None),
+        }
+    }
+
+    /// The fit against truth with each objective, on the test clips (or the validation clips): Casas-Otaduy fig. 3.
+    pub fn compare_objectives(
+        &self,
+        context: &Context,
+        body: &BodyModel,
+        split: &Split,
+        scene: &Scene,
+    ) -> Result<BTreeMap<String, FitMetrics>> {
+        let judged = if split.test.is_empty() { &split.validation } else { &split.test };
+        let mut found = BTreeMap::new();
+        if scene.truth.is_none() || judged.is_empty() {
+            return Ok(found);
+        }
+        let folder = context.run.root().join("stages").join("objectives");
+        for (name, objective) in [("unposed", ObjectiveKind::Unposed), ("posed", ObjectiveKind::Posed)] {
+            let config = FitConfig { objective, ..context.config.fit.clone() };
+            let part = Split { train: split.train.clone(), validation: vec![], test: judged.clone() };
+            let fit = if config == context.config.fit {
+                scene.fit.clone()
+            } else {
+                fit_set(&self.set, &part, body, &config, &folder.join(name), context.monitor)?
+            };
+            if let Some(metrics) = judge_fit(&Scene { fit: &fit, ..*scene }, judged, context.monitor)? {
+                found.insert(name.to_owned(), metrics);
+            }
+        }
+        // Deltas of a second fit are large and serve nothing else.
+        let _ = std::fs::remove_dir_all(folder);
+        Ok(found)
+    }
+}
+
+/// Makes the configured scans in the cache, or finds them there.
+pub fn make_scans(config: &Config, data_dir: &Path, monitor: &dyn Monitor) -> Result<Scans> {
+    let fingerprint = config.synth.fingerprint();
+    let out = data_dir.join("cache").join(&fingerprint[..16]);
+    let set = dataset::write(&config.synth, &out, monitor)?;
+    Ok(Scans { set, truth: Some(dataset::truth_path(&out)), fingerprint, generated: true })
+}
+
+/// Opens scans of ours, or brings in a folder of OBJ sequences.
+pub fn import_or_open(
+    source: &Path,
+    config: &Config,
+    topology: &Topology,
+    data_dir: &Path,
+    monitor: &dyn Monitor,
+) -> Result<Scans> {
+    let source = if source.join("scans").join("index.json").exists() { source.join("scans") } else { source.to_owned() };
+    let (root, set) = if source.join("index.json").exists() {
+        (source.clone(), ScanSet::open(&source)?)
+    } else if source.is_dir() {
+        let out = data_dir.join("cache").join(format!("import-{}", fingerprint(&listing(&source))?));
+        let set = if out.join("index.json").exists() {
+            ScanSet::open(&out)?
+        } else {
+            let fps = config.descriptor.fps;
+            let sequence = SequenceConfig { fps, units: Units::Metres, limits: ImportLimits::default() };
+            import_obj_sequences(&source, topology, &sequence, &out, monitor)?
+        };
+        (out, set)
+    } else {
+        return Err(InputError(format!("{} is no folder of scans: check --data", source.display())).into());
+    };
+    check_set(&set, config, topology)?;
+    let truth = root.parent().map(|p| p.join("truth")).filter(|p| p.join("subjects.json").exists());
+    let fingerprint = softtissue_store::sha256_file(&root.join("index.json"))?;
+    Ok(Scans { set, truth, fingerprint, generated: false })
+}
+
+/// Names, sizes and times of all files below a folder: changes when they do.
+fn listing(folder: &Path) -> Vec<(String, u64, u128)> {
+    let mut found = Vec::new();
+    let mut waiting = vec![folder.to_owned()];
+    while let Some(dir) = waiting.pop() {
+        for entry in std::fs::read_dir(&dir).into_iter().flatten().flatten() {
+            let path = entry.path();
+            let Ok(meta) = entry.metadata() else { continue };
+            if meta.is_dir() {
+                waiting.push(path);
+            } else {
+                let changed = meta.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
+                found.push((path.display().to_string(), meta.len(), changed.map_or(0, |d| d.as_nanos())));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn check_set(set: &ScanSet, config: &Config, topology: &Topology) -> Result<()> {
+    let place = set.root().display();
+    if set.clips().is_empty() {
+        return Err(InputError(format!("{place} holds no clip")).into());
+    }
+    if set.vertex_count() != topology.vertex_count {
+        return Err(InputError(format!(
+            "{place} has {} vertices a frame, but the body has {}: set synth.level to the body's level, or register the \
+             scans to it",
+            set.vertex_count(),
+            topology.vertex_count
+        ))
+        .into());
+    }
+    if set.topology() != topology.hash() {
+        return Err(InputError(format!(
+            "{place} is of another topology ({}) than the body ({}): register the scans to the body's template",
+            set.topology(),
+            topology.hash()
+        ))
+        .into());
+    }
+    if let Some(clip) = set.clips().iter().find(|c| c.fps != config.descriptor.fps) {
+        return Err(InputError(format!(
+            "{place}: clip {} has {} frames a second, but the model is for {}; resample it, or set descriptor.fps and \
+             synth.fps",
+            clip.id, clip.fps, config.descriptor.fps
+        ))
+        .into());
+    }
+    if let Some(clip) = set.clips().iter().find(|c| c.frames < 2) {
+        return Err(InputError(format!("{place}: clip {} has one frame, which has no velocity; remove it", clip.id)).into());
+    }
+    Ok(())
+}
+
+/// Fits all clips of a split, or finds the fit in the cache.
+pub fn fit_scans(
+    config: &Config,
+    scans: &Scans,
+    body: &BodyModel,
+    split: &Split,
+    data_dir: &Path,
+    monitor: &dyn Monitor,
+) -> Result<FitSet> {
+    let ids: Vec<&ClipId> = split.train.iter().chain(&split.validation).chain(&split.test).collect();
+    let name = fingerprint(&(env!("CARGO_PKG_VERSION"), &scans.fingerprint, &config.fit, &split.train, ids))?;
+    let out = data_dir.join("cache").join(format!("fit-{name}"));
+    if out.join("index.json").exists() {
+        monitor.say(&format!("  fit: found in {}", out.display()));
+        return Ok(FitSet::open(&out)?);
+    }
+    Ok(fit_set(&scans.set, split, body, &config.fit, &out, monitor)?)
+}

@@ -1,0 +1,86 @@
+//! `eval`: judges a run, or a protocol that trains again without what it judges.
+
+use crate::args::{EvalArgs, Protocol};
+use crate::exit::InputError;
+use crate::pipeline::{BundleMethod, Context, fold, heaviest, learn, prepare};
+use crate::run_folder::RunFolder;
+use crate::settings::stored;
+use crate::signals::Signals;
+use crate::terminal::Terminal;
+use crate::verbs::train::{Provenance, finish};
+use anyhow::Result;
+use softtissue_eval::protocol::{Fold, FoldChoice, leave_one_sequence_out, leave_one_subject_out};
+use softtissue_eval::{Method, Metrics, Scene, Tally, judge};
+use softtissue_store::read_json;
+use std::sync::Arc;
+
+/// Runs the verb.
+pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
+    let path = args.run.join("config.toml");
+    if !path.exists() {
+        return Err(InputError(format!("{} holds no run: train first", args.run.display())).into());
+    }
+    let config = stored(&path)?;
+    let provenance: Provenance = read_json(&args.run.join("provenance.json"))?;
+    let terminal = Terminal::new(signals.clone(), args.quiet);
+    let folder = RunFolder::take(&args.run, true)?;
+    let context = Context::new(&config, &terminal, &folder, provenance.data_dir.clone())?;
+    let metrics = if args.protocol == Protocol::HeldOut {
+        let job = prepare(&context, provenance.data.as_deref())?;
+        let learned = learn(&context, &job.place, &job.body, &job.fit, &job.split, &folder.bundle())?;
+        finish(&context, &provenance.configuration, &job, &learned)?.metrics
+    } else {
+        protocol(args, &context, &provenance)?
+    };
+    if args.json {
+        crate::print_line(&serde_json::to_string(&metrics)?);
+        return Ok(());
+    }
+    for (name, m) in &metrics.methods {
+        if let Some(ratio) = m.soft_ratio {
+            crate::print_line(&format!("{name:<30} soft ratio {ratio:.3}"));
+        }
+    }
+    Ok(())
+}
+
+fn protocol(args: &EvalArgs, context: &Context, provenance: &Provenance) -> Result<Metrics> {
+    let base = prepare(context, provenance.data.as_deref())?;
+    let (name, folds) = folds(args, context, &base)?;
+    let mut tally = Tally::default();
+    for Fold { name: left_out, split } in folds {
+        let prefix = format!("{name}/{}", left_out.replace('/', "."));
+        let bundle_dir = context.run.root().join("folds").join(&prefix);
+        let job = fold(context, Arc::clone(&base.body), base.scans.clone(), split, prefix)?;
+        let learned = learn(context, &job.place, &job.body, &job.fit, &job.split, &bundle_dir)?;
+        // Truth is opened only now that the fold's model is chosen.
+        let truth = job.scans.open_truth()?;
+        let scene = Scene { body: &job.body, fit: &job.fit, scans: Some(&job.scans.set), truth: truth.as_ref() };
+        let ours = BundleMethod { name: learned.bundle.info.method.clone(), bundle: Arc::clone(&learned.bundle) };
+        let mut methods: Vec<&dyn Method> = vec![&ours];
+        methods.extend(learned.ladder.iter().map(|m| m as &dyn Method));
+        judge(&mut tally, &scene, &methods, &job.split.test, Some(&left_out), context.monitor)?;
+    }
+    let metrics = tally.metrics(name, context.config.seed);
+    let path = context.run.root().join(format!("metrics-{name}.json"));
+    metrics.write(&path)?;
+    crate::print_line(&format!("measures: {}", path.display()));
+    Ok(metrics)
+}
+
+fn folds(args: &EvalArgs, context: &Context, base: &crate::pipeline::Prepared) -> Result<(&'static str, Vec<Fold>)> {
+    let clips = base.scans.set.ids();
+    let choice = match args.folds.as_deref() {
+        Some("all") => FoldChoice::All,
+        Some(names) => FoldChoice::Named(names.split(',').map(|n| n.trim().to_owned()).collect()),
+        None => match heaviest(&base.fit, &clips)? {
+            Some(id) if args.protocol == Protocol::LeaveOneSequenceOut => FoldChoice::Networks { subject: id.subject },
+            _ => FoldChoice::All,
+        },
+    };
+    let split = &context.config.split;
+    Ok(match args.protocol {
+        Protocol::LeaveOneSubjectOut => ("leave-one-subject-out", leave_one_subject_out(&clips, split, &choice)?),
+        _ => ("leave-one-sequence-out", leave_one_sequence_out(&clips, split, &choice)?),
+    })
+}

@@ -1,0 +1,23 @@
+//! `fit`: shape, pose and deltas of a scan set.
+
+use crate::args::FitArgs;
+use crate::pipeline::{import_or_open, load_body};
+use crate::settings::resolve;
+use crate::signals::Signals;
+use crate::terminal::Terminal;
+use crate::verbs::data_dir;
+use anyhow::Result;
+use softtissue_fit::fit_set;
+
+/// Runs the verb.
+pub fn run(args: &FitArgs, signals: &Signals) -> Result<()> {
+    let (_, config) = resolve(&args.settings)?;
+    let terminal = Terminal::new(signals.clone(), args.settings.quiet);
+    let data = data_dir(&args.settings);
+    let body = load_body(&config, &data, &terminal)?;
+    let scans = import_or_open(&args.scans, &config, &body.topology, &data, &terminal)?;
+    let split = config.split.split(&scans.set.ids())?;
+    let fit = fit_set(&scans.set, &split, &body, &config.fit, &args.out, &terminal)?;
+    crate::print_line(&format!("{} clips fitted: {}", fit.clips().len(), args.out.display()));
+    Ok(())
+}

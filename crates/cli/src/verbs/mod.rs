@@ -1,0 +1,19 @@
+//! One module a verb.
+
+pub mod animate;
+pub mod config;
+mod contact_sheet;
+pub mod eval;
+pub mod fit;
+pub mod import;
+pub mod inspect;
+pub mod synth;
+pub mod train;
+
+use crate::args::Settings;
+use std::path::PathBuf;
+
+/// Where generated and imported clips are kept.
+fn data_dir(settings: &Settings) -> PathBuf {
+    settings.data_dir.clone().unwrap_or_else(|| PathBuf::from("data"))
+}

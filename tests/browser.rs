@@ -1,0 +1,28 @@
+//! The report in a headless browser, and the animation before the Khronos validator. Both need Node.
+
+use crate::support::tiny_run;
+use std::path::Path;
+use std::process::Command;
+
+/// Runs a script that prints `skipped: needs X` where X is missing; with `CI=true` a skip is a failure.
+fn script(name: &str, argument: &Path) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let output = Command::new("bash").arg(root.join(name)).arg(argument).output().expect("bash");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    if said.contains("skipped: needs") {
+        println!("{}", said.trim());
+        assert_ne!(std::env::var("CI").as_deref(), Ok("true"), "{said}");
+        return;
+    }
+    assert!(output.status.success(), "{name}: {said}");
+}
+
+#[test]
+fn the_report_plays_in_a_browser() {
+    script("tests/browser/run.sh", &tiny_run().path.join("report/index.html"));
+}
+
+#[test]
+fn the_animation_passes_the_khronos_validator() {
+    script("scripts/validate-gltf.sh", &tiny_run().path.join("animation.glb"));
+}

@@ -1,0 +1,57 @@
+//! Arguments, settings and what is printed.
+
+use crate::support::{command, folder, softtissue, tiny_config};
+use std::process::Stdio;
+
+#[test]
+fn help_names_every_verb_and_usage_errors_exit_with_two() {
+    let help = softtissue(&["--help"]);
+    for verb in ["train", "eval", "animate", "synth", "fit", "import", "inspect", "config", "completions", "man"] {
+        assert!(help.fine().out.contains(verb), "{verb}");
+    }
+    assert_eq!(softtissue(&["trian"]).code, 2);
+    assert_eq!(softtissue(&[]).code, 2);
+    assert!(softtissue(&["--version"]).fine().out.contains(env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn settings_print_check_and_explain() {
+    let printed = softtissue(&["config", "print"]).fine().out.clone();
+    assert!(printed.contains("[regressor.training.network]") && printed.contains("seed = 1"));
+    let explained = softtissue(&["config", "explain"]).fine().out.clone();
+    assert!(explained.lines().filter(|l| l.trim_start().starts_with('#')).count() > 50);
+    softtissue(&["config", "check", "--config", "smoke", "--set", "seed=7"]).fine();
+    // What is printed is a configuration, and means the same.
+    let dir = folder("printed");
+    let file = dir.join("printed.toml");
+    std::fs::write(&file, &printed).expect("a file");
+    assert_eq!(softtissue(&["config", "print", "--config", &file.display().to_string()]).fine().out, printed);
+}
+
+#[test]
+fn a_dry_run_says_what_it_would_do_and_does_nothing() {
+    let dir = folder("dry");
+    let out = dir.join("run");
+    let said = softtissue(&["train", "--config", &tiny_config(&dir).display().to_string(), "--out", &out.display().to_string(), "--dry-run"]);
+    assert!(said.fine().out.contains("8 clips"), "{}", said.out);
+    assert!(!out.exists());
+}
+
+#[test]
+fn completions_and_manual_page_are_printed() {
+    assert!(softtissue(&["completions", "bash"]).fine().out.contains("_softtissue"));
+    assert!(softtissue(&["man"]).fine().out.contains(".TH softtissue"));
+}
+
+#[test]
+fn a_closed_pipe_is_no_panic() {
+    let mut child = command()
+        .args(["config", "explain"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("a child");
+    assert!(!String::from_utf8_lossy(&output.stderr).contains("panicked"));
+}

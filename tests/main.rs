@@ -1,0 +1,8 @@
+//! The real command, as a user meets it. One binary; a line a module.
+
+mod bad_input;
+mod browser;
+mod command;
+mod main_job;
+mod resume;
+mod support;
