@@ -1,5 +1,5 @@
 use super::config::{FleshConfig, FleshLaw, Material};
-use super::folds::folded_nodes;
+use super::folds::Folds;
 use super::elements::{Tetrahedron, edge_matrix, mirror_rank, smallest_altitude, split_prisms};
 use glam::Vec3;
 use softtissue_body::procedural::{Anatomy, BoneField};
@@ -110,16 +110,17 @@ impl Columns {
             tetrahedra,
         };
         columns.set_moduli(tissue, material, &inward);
-        let folded = folded_nodes(body, shaped, &columns);
-        columns.set_free(body, config, &inward, &folded);
+        let folds = Folds::new(body, shaped, &columns);
+        columns.set_free(body, config, &inward, &folds);
         columns
     }
 
     fn set_moduli(&mut self, tissue: &Tissue, material: &Material, inward: &[Vec3]) {
         let v = inward.len();
         let viscera = material.viscera + material.viscera_lean * (-(tissue.mass + 1.0)).exp();
+        let fat = material.fat * (-material.softening * tissue.mass).exp();
         for i in 0..v {
-            let soft = material.fat * (1.0 + (material.breast - 1.0) * tissue.breast[i]);
+            let soft = fat * (1.0 + (material.breast - 1.0) * tissue.breast[i]);
             let firm = material.muscle + (viscera - material.muscle) * tissue.viscera[i];
             let total = inward[i].length();
             for layer in 0..self.layers {
@@ -133,15 +134,20 @@ impl Columns {
         self.shear.iter_mut().for_each(|x| *x *= material.stiffness);
     }
 
-    fn set_free(&mut self, body: &BodyModel, config: &FleshConfig, inward: &[Vec3], folded: &[bool]) {
+    fn set_free(&mut self, body: &BodyModel, config: &FleshConfig, inward: &[Vec3], folds: &Folds) {
         let v = body.vertex_count();
         for i in 0..v {
             let still = matches!(body.regions.0[i], Region::Head | Region::Hands | Region::Feet);
             let free = !still && inward[i].length() >= config.shallow;
             for layer in 0..self.layers {
-                self.free[layer * v + i] = free && !folded[layer * v + i];
+                self.free[layer * v + i] = free && !folds.still[layer * v + i];
             }
         }
+        let mut cut = folds.cut.iter();
+        self.tetrahedra.retain(|_| !cut.next().copied().unwrap_or(false));
+        let mut held = vec![false; self.free.len()];
+        self.tetrahedra.iter().flat_map(|t| t.nodes).for_each(|n| held[n as usize] = true);
+        self.free.iter_mut().zip(held).for_each(|(free, held)| *free &= held);
     }
 }
 
@@ -183,13 +189,6 @@ fn place(
                 any = true;
                 t.nodes.iter().for_each(|&n| bad[n as usize % v] = true);
             }
-        }
-        if std::env::var("DBG").is_ok() {
-            for r in [Region::UpperArms, Region::Belly, Region::Thighs, Region::Rest] {
-                let vs = body.regions.vertices(r);
-                eprint!("{} bad {} depth {:.0}; ", r.name(), vs.iter().filter(|&&i| bad[i as usize]).count(), 1e3 * vs.iter().map(|&i| inward[i as usize].length()).sum::<f32>() / vs.len() as f32);
-            }
-            eprintln!();
         }
         if !any {
             break;

@@ -42,19 +42,22 @@ pub struct Material {
     pub stiffness: f32,
     /// Times all damping. Default 1.
     pub damping: f32,
-    /// Shear modulus of fat, Pa. Default 230: linear tetrahedra of 2-3 cm are two to three times too stiff against
+    /// Shear modulus of fat, Pa. Default 225: linear tetrahedra of 2-3 cm are two to three times too stiff against
     /// the 500-750 Pa of fat in vivo.
     pub fat: f32,
+    /// How fast fat softens with body mass: `exp(-softening m)` at `m` units over the mean. Default 0.2: the walls
+    /// between the lobes thin out as they grow.
+    pub softening: f32,
     /// Breast tissue relative to fat. Default 0.75.
     pub breast: f32,
     /// Shear modulus of relaxed muscle, Pa. Default 2500.
     pub muscle: f32,
     /// Shear modulus of the abdomen's content in a lean body, Pa above `viscera`, at one unit of mass under the mean;
-    /// falls by `e` per unit. Default 2500.
+    /// falls by `e` per unit. Default 2200.
     pub viscera_lean: f32,
     /// Shear modulus of the abdomen's content in a heavy body, Pa. Default 700.
     pub viscera: f32,
-    /// Resistance to change of volume, Pa. Default 50000; higher keeps volume better and needs a smaller step.
+    /// Resistance to change of volume, Pa. Default 36000; higher keeps volume better and needs a smaller step.
     pub bulk: f32,
     /// Mass density, kg/m^3. Default 960.
     pub density: f32,
@@ -77,12 +80,13 @@ impl Default for Material {
         Self {
             stiffness: 1.0,
             damping: 1.0,
-            fat: 230.0,
+            fat: 225.0,
+            softening: 0.2,
             breast: 0.75,
             muscle: 2500.0,
-            viscera_lean: 2500.0,
+            viscera_lean: 2200.0,
             viscera: 700.0,
-            bulk: 50_000.0,
+            bulk: 36_000.0,
             density: 960.0,
             viscosity: 0.010,
             breast_viscosity: 0.018,

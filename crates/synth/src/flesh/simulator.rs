@@ -124,7 +124,7 @@ fn check_config(material: &Material, config: &FleshConfig) -> Result<()> {
     }
     let m = material;
     let numbers = [m.stiffness, m.damping, m.fat, m.breast, m.muscle, m.viscera, m.bulk, m.density];
-    if !numbers.into_iter().all(positive) || ![m.viscera_lean, m.viscosity, m.breast_viscosity, m.drag, m.skin, m.skin_growth, m.breast_skin].iter().all(|x| x.is_finite() && *x >= 0.0) {
+    if !numbers.into_iter().all(positive) || ![m.viscera_lean, m.viscosity, m.breast_viscosity, m.drag, m.softening, m.skin, m.skin_growth, m.breast_skin].iter().all(|x| x.is_finite() && *x >= 0.0) {
         return bad("material", "stiffnesses, damping and density must be positive, the rest not negative");
     }
     Ok(())
