@@ -186,9 +186,7 @@ impl Trainee for RegressorTrainee {
         let batch = Batch::new(order.iter().map(|&i| &self.train[i]).collect(), &self.stage.device);
 
         let trace = GruTrace::new(&self.network.gru, batch.input.clone());
-        let states = trace.states();
-        let [frames, clips, width] = states.dims();
-        let leaf = states.reshape([frames * clips, width]).autodiff().require_grad();
+        let leaf = trace.states().autodiff().require_grad();
         let output = self.compared(self.network.latents(leaf.clone(), batch.shortcut.clone()));
         let error = batch.error(&host(output.clone()), |clip| &clip.goal);
         let (loss, terms, gradient) = self.loss.value_and_gradient(&error, &batch.lengths);
@@ -196,7 +194,7 @@ impl Trainee for RegressorTrainee {
         let mut gradients = surrogate(output, gradient).backward();
         let mut found = module_gradients(&self.network, &mut gradients);
         let states_gradient = leaf.grad_remove(&mut gradients).expect("the states are part of the loss");
-        found.extend(trace.backward(states_gradient.reshape([frames, clips, width]), "gru."));
+        found.extend(trace.backward(states_gradient, "gru."));
         let learning_rate = cosine(self.config.learning_rate, step, self.config.steps, 0);
         self.network = self.adam.step(self.network.clone(), &found, learning_rate);
         let terms = vec![

@@ -4,9 +4,11 @@ use crate::{Adam, AdamConfig, Clips, NamedArray, Result, Stage, State, StepStats
 use crate::{cosine, load_module, module_gradients, module_state};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
+use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use softtissue_model::{Autoencoder, AutoencoderConfig, Dropout, host};
+use softtissue_bundle::DeltaBasis;
+use softtissue_model::{Autoencoder, AutoencoderConfig, Dropout, TrainingClip, host};
 use softtissue_random::Draws;
 use std::sync::Arc;
 
@@ -220,6 +222,13 @@ impl Trainee for SubspaceTrainee {
 }
 
 impl DeltaSurface {
+    /// The surface of a basis on each subject's rest vertices, `[S][V]`.
+    pub fn new(basis: &DeltaBasis, rest: &[Vec<Vec3>], faces: Arc<Vec<[u32; 3]>>) -> Self {
+        let mut mean = basis.mean.clone();
+        basis.directions.add_transposed_times(&basis.coefficient_mean, &mut mean);
+        let rest = rest.iter().map(|vertices| vertices.iter().flat_map(|x| x.to_array()).collect()).collect();
+        Self { rest, mean, directions: basis.directions.data().to_vec(), faces }
+    }
     /// Components `K`.
     pub fn components(&self) -> usize {
         self.directions.len() / self.mean.len().max(1)
@@ -231,6 +240,23 @@ impl DeltaSurface {
 }
 
 impl DeltaFrames {
+    /// The first `components` coefficients of every frame of clips; `subject` gives the index of a clip's rest
+    /// vertices.
+    pub fn gather<'a>(
+        clips: impl IntoIterator<Item = &'a TrainingClip>,
+        components: usize,
+        subject: impl Fn(&TrainingClip) -> u32,
+    ) -> Self {
+        let mut all = Self::default();
+        for clip in clips {
+            let k = clip.coefficient_count();
+            assert!(components <= k, "{components} components of {k}");
+            clip.coefficients.chunks_exact(k).for_each(|c| all.coefficients.extend_from_slice(&c[..components]));
+            all.subjects.extend(std::iter::repeat_n(subject(clip), clip.frames));
+        }
+        all
+    }
+
     fn check(&self, role: &str, surface: &DeltaSurface) -> Result<()> {
         let fits = self.coefficients.len() == self.subjects.len() * surface.components()
             && self.subjects.iter().all(|s| (*s as usize) < surface.rest.len());

@@ -7,9 +7,10 @@ fn twenty_steps_repeat_to_the_bit_and_learn() {
     let second = twenty_steps(&Device::flex()).expect("a small training");
     assert_eq!(first, second);
     assert!(first.iter().all(|x| x.is_finite()));
-    // The residual branches and the readout start at zero.
+    // The residual branches and the readout start at zero, 800 weights and more; only behind an inner unit that no
+    // frame wakes do they stay there.
     let zeros = first.iter().filter(|x| **x == 0.0).count();
-    assert!(zeros * 50 < first.len(), "{zeros} of {} numbers never moved", first.len());
+    assert!(zeros < 200, "{zeros} of {} numbers never moved", first.len());
 }
 
 #[cfg(any(feature = "ndarray", feature = "wgpu"))]

@@ -3,6 +3,10 @@
 mod adam;
 mod autoencoder;
 mod backends;
+#[path = "../../../fit/tests/fit/figure.rs"]
+#[allow(dead_code, reason = "the pose fit's own tests use the rest of it")]
+mod figure;
+mod fit_adam;
 mod gru;
 mod normal_loss;
 mod trainees;

@@ -2,10 +2,13 @@
 
 use super::normals;
 use burn::tensor::Device;
-use softtissue_model::{RegressorConfig, ShortcutStart};
+use softtissue_bundle as plain;
+use softtissue_bundle::descriptor::{FeatureBlock, FeatureScaling};
+use softtissue_clips::ClipId;
+use softtissue_model::{RegressorConfig, ShortcutStart, TrainingClip};
 use softtissue_train::{
     Clips, DeltaFrames, DeltaSurface, LossSpace, MotionSequence, RegressorTrainee, RegressorTraining, Shortcut, Stage,
-    State, SubspaceTrainee, SubspaceTraining, Trainee,
+    State, SubspaceTrainee, SubspaceTraining, Trainee, assembled, motion_sequence, trained_shortcut,
 };
 use std::sync::Arc;
 
@@ -63,7 +66,7 @@ fn regressor(steps: u64, space: LossSpace, shortcut: Shortcut) -> RegressorTrain
         .expect("a small training")
 }
 
-fn trained_shortcut() -> Shortcut {
+fn shortcut_from_zero() -> Shortcut {
     Shortcut::Trained(ShortcutStart { weight: vec![0.0; L * L], bias: vec![0.0; L] })
 }
 
@@ -90,7 +93,7 @@ fn resumes(make: impl Fn() -> Box<dyn Trainee>, cut: u64, steps: u64) {
 fn both_resume_to_the_same_bits() {
     resumes(|| Box::new(subspace(9)), 4, 9);
     resumes(|| Box::new(regressor(9, LossSpace::Coefficients, Shortcut::Fixed)), 5, 9);
-    resumes(|| Box::new(regressor(9, LossSpace::Latent, trained_shortcut())), 1, 9);
+    resumes(|| Box::new(regressor(9, LossSpace::Latent, shortcut_from_zero())), 1, 9);
 }
 
 #[test]
@@ -123,7 +126,7 @@ fn the_regressor_starts_as_its_shortcut_and_learns_the_rest() {
     run(&mut trainee, 0..300);
     let end = trainee.validate().expect("validation");
     assert!(end < 0.8 * start, "{end} of {start}");
-    let mut trained = regressor(300, LossSpace::Latent, trained_shortcut());
+    let mut trained = regressor(300, LossSpace::Latent, shortcut_from_zero());
     let before = trained.validate().expect("validation");
     run(&mut trained, 0..300);
     let after = trained.validate().expect("validation");
@@ -147,4 +150,68 @@ fn data_that_do_not_fit_are_refused() {
             .map(|_| ())
             .unwrap_err();
     assert!(refused.to_string().contains("5 shortcut numbers"), "{refused}");
+}
+
+/// A linear regressor on four features and two shape numbers, with or without a bank.
+fn around(bank: bool) -> plain::Regressor {
+    let scaling = |name: &str, count: usize| {
+        let numbers = normals(name, 40 * count);
+        FeatureScaling::fit(&[&numbers], &FeatureBlock::in_a_row(&[(name, count)]))
+    };
+    let resonators =
+        vec![plain::Resonator { frequency: 3.0, damping: 0.2 }, plain::Resonator { frequency: 7.0, damping: 0.4 }];
+    let bank = bank.then(|| plain::ResonatorBank::new(resonators, 4, 60.0));
+    let shape_terms = if bank.is_some() { vec![vec![], vec![0, 1]] } else { vec![vec![]] };
+    let mut regressor = plain::Regressor {
+        input: scaling("features", 4),
+        shape: scaling("beta", 2),
+        shape_terms,
+        bank,
+        direct: true,
+        ..plain::Regressor::default()
+    };
+    let inputs = regressor.shape_terms.len() * regressor.memory_count() + 2;
+    let weight = normals("shortcut", L * inputs).iter().map(|w| 0.003 * w).collect();
+    regressor.shortcut = plain::Linear { weight: plain::Matrix::new(L, inputs, weight), bias: vec![0.001; L] };
+    regressor
+}
+
+/// What was trained, run by the player, gives the training's own error.
+#[test]
+fn the_assembled_regressor_predicts_what_was_validated() {
+    let clip = |name: &str, frames: usize| TrainingClip {
+        id: ClipId::new("s", name, 0),
+        beta: vec![0.4, -1.2],
+        features: normals(name, frames * 4),
+        coefficients: curved(name, frames),
+        frames,
+    };
+    let (train, validation) = (vec![clip("a", 30), clip("b", 25)], clip("c", 40));
+    let network = subspace(1).into_network();
+    for trained in [true, false] {
+        let around = around(!trained);
+        let shortcut = if trained { trained_shortcut(&around).expect("a plain layer") } else { Shortcut::Fixed };
+        let sequence = |clip: &TrainingClip| motion_sequence(clip, &around, trained, K);
+        let clips = Clips { train: train.iter().map(sequence).collect(), validation: vec![sequence(&validation)] };
+        let config = RegressorTraining { network: RegressorConfig { width: 8 }, batch: 2, ..Default::default() };
+        let basis = surface().directions;
+        let mut trainee =
+            RegressorTrainee::new(config, &stage("r"), &network, &basis, shortcut, clips).expect("it fits");
+        run(&mut trainee, 0..30);
+        let validated = trainee.validate().expect("validation");
+        let whole = assembled(&around, &trainee.into_network(), network.scale);
+        let (mut state, decoder) = (whole.start(&validation.beta), network.to_decoder());
+        let (mut sum, mut scratch) = (0.0, vec![0.0; 2 * K + 256]);
+        for (features, wanted) in validation.features.chunks(4).zip(validation.coefficients.chunks(K)) {
+            whole.step(features, &mut state);
+            let mut found = [0.0; 12];
+            decoder.lift.apply(state.latent(), &mut found[..K]);
+            decoder.units.iter().for_each(|unit| unit.apply(&mut found[..K], &mut scratch));
+            found.iter_mut().zip(wanted).for_each(|(f, w)| *f -= w);
+            sum += found.chunks(3).map(|d| f64::from(d.iter().map(|x| x * x).sum::<f32>().sqrt())).sum::<f64>();
+        }
+        let played = 1000.0 * sum / (4.0 * validation.frames as f64);
+        assert!((played - validated).abs() < 1e-4 * validated, "{played} {validated}");
+    }
+    assert!(trained_shortcut(&around(true)).is_err());
 }
