@@ -59,6 +59,13 @@ fn a_report_loads_nothing_and_holds_the_figures() {
         soft.std_mm.unwrap()
     )));
     assert!(html.contains("id=\"view-reference\"") && html.contains("\"alone\":{\"step\""));
+    let clip = &metrics.clips[0].methods["body"].regions["soft"];
+    assert!(html.contains(&format!(
+        "{:.2}<span class=\"pm\">±{:.2}</span>",
+        clip.mean_mm.unwrap(),
+        clip.std_mm.unwrap()
+    )));
+    assert!(html.contains("<th scope=\"row\">s01/hop.0</th>"));
     assert!(html.contains("not measured"), "gates without a figure say so");
     assert!(html.ends_with("</html>"));
 }

@@ -142,6 +142,11 @@ fn errors(input: &ReportInput) -> String {
     if input.tally.is_some_and(|t| !t.clips.is_empty()) {
         out += "<h3>Error over time</h3><div class=\"chart pick\" id=\"chart-time\"></div>";
     }
+    if !m.clips.is_empty() {
+        out += "<details><summary>Clip by clip</summary>";
+        out += &tables::clips(m);
+        out += "</details>";
+    }
     let channels = tables::channels(m);
     if !channels.is_empty() {
         out += "<h3>Other sources of pose</h3><p>The same models, driven by the motion fitted to the test scan and by a rough one with \

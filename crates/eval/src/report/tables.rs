@@ -176,6 +176,27 @@ pub fn errors(metrics: &Metrics, against_scans: bool) -> String {
     out + TAIL
 }
 
+/// Error on soft vertices clip by clip, one column a method; variants are left to the other tables.
+pub fn clips(metrics: &Metrics) -> String {
+    let methods = names(metrics, |n| !n.contains('/'));
+    let labels: Vec<String> = methods.iter().map(|n| escape(&method_label(n))).collect();
+    let mut columns = vec!["Soft error, mm"];
+    columns.extend(labels.iter().map(String::as_str));
+    let mut out = head(&columns);
+    for clip in &metrics.clips {
+        let _ = write!(out, "<tr><th scope=\"row\">{}</th>", escape(&clip.id().to_string()));
+        for name in &methods {
+            let soft = clip.methods.get(*name).and_then(|m| m.regions.get("soft"));
+            match soft.and_then(|r| r.mean_mm.zip(r.std_mm)) {
+                Some((mean, std)) => cell(&mut out, &format!("{mean:.2}<span class=\"pm\">±{std:.2}</span>"), ""),
+                None => cell(&mut out, "–", "none"),
+            }
+        }
+        out += "</tr>";
+    }
+    out + TAIL
+}
+
 /// How each method moves: energy, spectrum, peak, lag, rest, bounds.
 pub fn motion(metrics: &Metrics) -> String {
     let mut out = head(&[
