@@ -3,7 +3,7 @@
 use anyhow::Result;
 use glam::Vec3;
 use softtissue_geometry::{Frames, Topology};
-use softtissue_render::{Camera, PLAIN, Picture, Scene, colours_of_magnitudes};
+use softtissue_render::{Camera, Colour, PLAIN, Picture, Scene};
 use softtissue_store::write_atomic;
 use std::path::Path;
 
@@ -32,11 +32,19 @@ pub fn write(path: &Path, topology: &Topology, alone: &Frames, moved: &Frames) -
     });
     let coloured = row(&|i| {
         let (a, m) = (alone.frame(frame(i)), moved.frame(frame(i)));
-        let lengths: Vec<f32> = a.iter().zip(m).map(|(a, m)| a.distance(*m)).collect();
+        let colours = a.iter().zip(m).map(|(a, m)| colour(a.distance(*m) / FULL_SCALE_M)).collect();
         let mut scene = Scene::new();
-        scene.add_coloured(m, &topology.faces, colours_of_magnitudes(&lengths, FULL_SCALE_M));
+        scene.add_coloured(m, &topology.faces, colours);
         scene.draw(&camera, width, height)
     });
     let png = Picture::column(&[plain, coloured]).to_png()?;
     Ok(write_atomic(path, |w| w.write_all(&png))?)
+}
+
+/// From skin over yellow to red, linear RGB; 1 and more is red.
+fn colour(x: f32) -> Colour {
+    const STOPS: [Colour; 3] = [PLAIN, [0.9, 0.55, 0.1], [0.55, 0.03, 0.02]];
+    let x = x.clamp(0.0, 1.0) * 2.0;
+    let (from, to) = (STOPS[x as usize], STOPS[(x as usize + 1).min(2)]);
+    std::array::from_fn(|i| from[i] + (to[i] - from[i]) * x.fract())
 }
