@@ -93,7 +93,7 @@ impl Figure {
             Self { parameters, joints, scale, surface: Implicit::default(), near_middle: Implicit::default() };
         let (arm, leg, foot) = (figure.arm(), figure.leg(), figure.foot());
         let own = [figure.torso(), figure.head(), arm, leg.clone(), foot];
-        let k = 0.014 * scale;
+        let k = 0.018 * scale;
         figure.near_middle = Implicit { k, groups: own.iter().cloned().chain([leg.mirrored()]).collect() };
         figure.surface = Implicit { k, groups: own.to_vec() };
         figure
@@ -244,8 +244,8 @@ impl Figure {
             ball(at(0.0, 0.034, 0.068), v(0.021, 0.012, 0.018)),
             // brow, bridge and tip of the nose
             ball(at(0.0, 0.106, 0.062), v(0.044, 0.011, 0.021)),
-            Cone::new(at(0.0, 0.102, 0.078), 0.009 * s, at(0.0, 0.078, 0.093), 0.012 * s),
-            ball(at(0.0, 0.070, 0.090), v(0.017, 0.015, 0.028)),
+            Cone::new(at(0.0, 0.102, 0.077), 0.009 * s, at(0.0, 0.078, 0.089), 0.011 * s),
+            ball(at(0.0, 0.069, 0.085), v(0.016, 0.013, 0.021)),
         ];
         let mut hollows = Vec::new();
         for side in [1.0, -1.0] {
@@ -287,7 +287,6 @@ impl Figure {
         Group::new(0.010 * s, parts)
     }
 
-    // The fingers and the nose are drawn about a centimetre too long: the net rounds their tips off.
     fn hand(&self, parts: &mut Vec<Primitive>, girth: f32) {
         let s = self.scale;
         let (wrist, knuckle) = (self.joints[20], self.joints[22]);
@@ -301,7 +300,7 @@ impl Figure {
         parts.extend(
             [
                 cone(at(0.010, 0.0, 0.0), 0.027, at(0.072, 0.0, 0.0), 0.039).thinner(n, 2.2),
-                cone(at(0.080, -0.002, 0.0), 0.036, at(0.164, -0.004, 0.012), 0.030).thinner(n, 2.2),
+                cone(at(0.080, -0.002, 0.0), 0.036, at(0.158, -0.004, 0.012), 0.029).thinner(n, 2.2),
                 cone(at(0.024, 0.016, 0.003), 0.017, at(0.056, 0.050, 0.008), 0.0135),
                 cone(at(0.056, 0.050, 0.008), 0.0135, at(0.086, 0.066, 0.012), 0.011),
             ]
@@ -349,7 +348,7 @@ impl Figure {
             Primitive::Cone(cone(at(0.0, 0.0, 0.058), 0.036, at(0.085, 0.0, 0.034), 0.030)),
             Primitive::Cone(cone(at(0.06, 0.002, 0.024), 0.040, at(0.118, 0.004, 0.020), 0.044).thinner(Vec3::Y, 1.55)),
             Primitive::Cone(
-                cone(at(0.118, 0.004, 0.018), 0.042, at(0.160, -0.004, 0.015), 0.034).thinner(Vec3::Y, 1.9),
+                cone(at(0.118, 0.004, 0.018), 0.043, at(0.162, -0.004, 0.016), 0.040).thinner(Vec3::Y, 1.9),
             ),
             Primitive::Cone(cone(at(-0.03, 0.0, 0.02), 0.030, at(0.10, 0.004, 0.015), 0.036)),
         ];

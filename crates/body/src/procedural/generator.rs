@@ -72,10 +72,8 @@ pub fn generate_levels(config: &ProceduralConfig) -> Result<Levels> {
     let (mesh, subdivision) = subdivide(&coarse.mesh);
     let net = Net::new(&mesh);
     let base = Figure::new(ShapeParameters::default());
-    // coarse vertices lie on the surface already: smoothing them would wear off the tips
-    let mut start = mesh.positions.clone();
-    start[..coarse.mesh.positions.len()].copy_from_slice(&coarse.mesh.positions);
-    let positions = net.relax(&base, &net.project(&base, &start, 4), None, 2);
+    let faces = split_quads(&mesh).faces;
+    let positions = net.relax(&base, &net.march(&base, &mesh.positions, &faces, 6), None, 2);
     let fine_mesh = QuadMesh { positions: net.project(&base, &positions, 3), ..mesh };
     // what the fine neutral mesh has beyond the lifted coarse one goes with every sample
     let lifted = subdivision.lift(&coarse.mesh.positions);
@@ -131,11 +129,7 @@ impl Coarse {
             )));
         }
         let base = Figure::new(ShapeParameters::default());
-        let mut mesh = surface_net(base.left_half(), &grid(), &|p| base.warp(p))?;
-        let net = Net::new(&mesh);
-        mesh.positions = net.project(&base, &mesh.positions, 4);
-        mesh.positions = net.relax(&base, &mesh.positions, None, 5);
-        mesh.positions = net.project(&base, &mesh.positions, 3);
+        let (mesh, net) = neutral_mesh(&base, &grid())?;
         let dense = dense_weights(&base, &net, &mesh.positions);
         let figures: Vec<Figure> = sample_people(config.seed, config.people).into_iter().map(Figure::new).collect();
         let samples = figures.par_iter().map(|f| fit_figure(&net, &mesh.positions, &dense, f, 4)).collect();
@@ -158,21 +152,32 @@ impl Coarse {
     }
 }
 
+/// The net of the neutral figure, evened out on its surface.
+fn neutral_mesh(base: &Figure, grid: &Grid) -> Result<(QuadMesh, Net)> {
+    let mut mesh = surface_net(base.left_half(), grid, &|p| base.warp(p))?;
+    let net = Net::new(&mesh);
+    let faces = split_quads(&mesh).faces;
+    mesh.positions = net.march(base, &net.smooth(&mesh.positions), &faces, 4);
+    mesh.positions = net.relax(base, &mesh.positions, None, 4);
+    mesh.positions = net.march(base, &mesh.positions, &faces, 2);
+    Ok((mesh, net))
+}
+
 /// Node planes: finer across the feet than along the legs. The spacings are tuned to give 1724 vertices, which
 /// subdivide to the 6890 of SMPL; nothing depends on the count.
 fn grid() -> Grid {
     Grid {
-        x: symmetric_planes(0.74, |x| if x > 0.40 { 0.042 } else { 0.038 }),
+        x: symmetric_planes(0.74, |x| if x > 0.40 { 0.0422 } else { 0.0382 }),
         y: planes(-0.05, 1.78, |y| {
             if y < 0.10 {
                 0.028
             } else if y < 0.75 {
-                0.051
+                0.0508
             } else {
-                0.039
+                0.0388
             }
         }),
-        z: planes(-0.26, 0.28, |_| 0.0352),
+        z: planes(-0.26, 0.28, |_| 0.0354),
     }
 }
 

@@ -4,6 +4,7 @@ use super::figure::{Figure, JOINTS};
 use super::surface_nets::QuadMesh;
 use glam::{Mat3, Quat, Vec3};
 use rayon::prelude::*;
+use softtissue_geometry::vertex_normals;
 
 /// Neighbours along quad edges and the mirror permutation: what stays the same for every shape.
 #[derive(Clone, Debug)]
@@ -56,6 +57,29 @@ impl Net {
             out[m as usize] = Vec3::new(-p.x, p.y, p.z);
         }
         out
+    }
+
+    /// One round of plain smoothing, which takes the steps off a fresh net.
+    pub fn smooth(&self, positions: &[Vec3]) -> Vec<Vec3> {
+        self.update(|v| {
+            let near = &self.neighbours[v];
+            let mean = near.iter().map(|n| positions[*n as usize]).sum::<Vec3>() / near.len() as f32;
+            positions[v].lerp(mean, 0.5)
+        })
+    }
+
+    /// Moves every vertex along the mesh's own normal until it meets the surface. Inside a thin tip the nearest
+    /// surface is the side, so Newton steps alone would dent the tip.
+    pub fn march(&self, figure: &Figure, positions: &[Vec3], faces: &[[u32; 3]], steps: usize) -> Vec<Vec3> {
+        let normals = vertex_normals(positions, faces);
+        let marched = self.update(|v| {
+            let mut p = positions[v];
+            for _ in 0..steps {
+                p -= normals[v] * figure.surface(p).sample(p).0.clamp(-0.01, 0.01);
+            }
+            p
+        });
+        self.project(figure, &marched, 2)
     }
 
     /// Projects every vertex onto the figure.
@@ -155,7 +179,7 @@ pub fn fit_figure(net: &Net, neutral: &[Vec3], weights: &[[f32; JOINTS]], figure
         let now = Figure::new(figure.parameters.scaled(stage as f32 / stages as f32));
         positions = net.project(&now, &carry(&positions, weights, &before, &now), 2);
         let anchor = carry(neutral, weights, &base, &now);
-        positions = net.relax(&now, &positions, Some(&anchor), 3);
+        positions = net.relax(&now, &positions, Some(&anchor), 5);
         before = now;
     }
     net.project(figure, &positions, 3)
