@@ -46,7 +46,8 @@ pub fn mean_mm(deltas: &Frames, vertices: &[usize], first: usize) -> f64 {
 
 /// Height of a region's mean displacement, by frame, m.
 pub fn mean_height(deltas: &Frames, vertices: &[usize]) -> Vec<f64> {
-    let mean = |t: usize| vertices.iter().map(|&v| f64::from(deltas.frame(t)[v].y)).sum::<f64>() / vertices.len() as f64;
+    let mean =
+        |t: usize| vertices.iter().map(|&v| f64::from(deltas.frame(t)[v].y)).sum::<f64>() / vertices.len() as f64;
     (0..deltas.len()).map(mean).collect()
 }
 

@@ -31,7 +31,11 @@ impl Table {
     }
 
     pub fn row(&mut self, name: &str, wanted: &str, measured: &str, met: bool) {
-        if met { self.met += 1 } else { self.missed += 1 }
+        if met {
+            self.met += 1
+        } else {
+            self.missed += 1
+        }
         println!("| {name} | {} | {} | {} |", wanted.trim(), measured.trim(), if met { "met" } else { "MISSED" });
     }
 

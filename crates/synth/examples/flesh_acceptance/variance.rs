@@ -1,7 +1,7 @@
 //! How many principal components hold 95 % of the variance of true deltas, with scatter and mismatch on.
 
-use crate::people::{FIRST_FRAME, simulate};
 use crate::Settings;
+use crate::people::{FIRST_FRAME, simulate};
 use glam::Vec3;
 use softtissue_body::procedural::ProceduralBody;
 use softtissue_synth::motion::{self, Request};
@@ -56,7 +56,13 @@ fn count(frames: &[Vec<Vec3>], share: f64) -> usize {
     values.sort_by(|a, b| b.total_cmp(a));
     let wanted = share * values.iter().sum::<f64>();
     let mut sum = 0.0;
-    1 + values.iter().take_while(|v| { sum += **v; sum < wanted }).count()
+    1 + values
+        .iter()
+        .take_while(|v| {
+            sum += **v;
+            sum < wanted
+        })
+        .count()
 }
 
 /// Eigenvalues of a symmetric matrix by cyclic Jacobi rotations.

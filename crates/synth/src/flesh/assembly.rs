@@ -21,7 +21,7 @@ pub struct Node {
     pub layer: u32,
 }
 
-/// Eight tetrahedra side by side; the last chunk is filled up with elements of no volume.
+/// [`LANES`] tetrahedra side by side; the last chunk is filled up with elements of no volume.
 #[derive(Clone, Debug)]
 pub struct Chunk {
     /// `nodes[corner][lane]`.
@@ -42,7 +42,7 @@ pub struct Chunk {
     pub rest: Matrix<Lanes>,
 }
 
-/// Eight springs of the skin.
+/// [`LANES`] springs of the skin.
 #[derive(Clone, Debug)]
 pub struct SpringChunk {
     /// `nodes[end][lane]`.
@@ -163,17 +163,13 @@ fn spring_pairs(body: &BodyModel) -> BTreeMap<[u32; 2], f32> {
     shares
 }
 
-fn springs(
-    columns: &Columns,
-    body: &BodyModel,
-    number: &[u32],
-    mass: &[f32],
-    material: &Material,
-) -> Vec<SpringChunk> {
+fn springs(columns: &Columns, body: &BodyModel, number: &[u32], mass: &[f32], material: &Material) -> Vec<SpringChunk> {
     let free_mass = |i: u32| mass.get(number[i as usize] as usize).copied();
     let springs: Vec<([u32; 2], [f32; 2])> = spring_pairs(body)
         .into_iter()
-        .filter(|(p, _)| p.iter().any(|&i| columns.free[i as usize]) && p.iter().all(|&i| number[i as usize] != u32::MAX))
+        .filter(|(p, _)| {
+            p.iter().any(|&i| columns.free[i as usize]) && p.iter().all(|&i| number[i as usize] != u32::MAX)
+        })
         .map(|([a, b], share)| {
             let length = (columns.rest[a as usize] - columns.rest[b as usize]).length();
             let breast = 0.5 * (columns.breast[a as usize] + columns.breast[b as usize]);

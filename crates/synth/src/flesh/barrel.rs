@@ -4,9 +4,7 @@ use super::columns::Tissue;
 use super::{FleshConfig, FleshRun, Material, Simulator};
 use glam::Vec3;
 use softtissue_body::procedural::{BoneCapsule, BoneField};
-use softtissue_body::{
-    BodyModel, JointRegressor, Mirror, Region, RegionMap, Skeleton, SkinWeights, UvAtlas,
-};
+use softtissue_body::{BodyModel, JointRegressor, Mirror, Region, RegionMap, Skeleton, SkinWeights, UvAtlas};
 use softtissue_clips::{ClipId, MotionClip};
 use softtissue_geometry::{Frames, Topology};
 use std::f32::consts::{PI, TAU};
@@ -22,7 +20,11 @@ fn barrel() -> BodyModel {
         let polar = PI * (ring as f32 + 1.0) / (RINGS as f32 + 1.0);
         for sector in 0..SECTORS {
             let azimuth = TAU * sector as f32 / SECTORS as f32;
-            template.push(Vec3::new(0.14 * polar.sin() * azimuth.cos(), 1.0 - 0.22 * polar.cos(), 0.14 * polar.sin() * azimuth.sin()));
+            template.push(Vec3::new(
+                0.14 * polar.sin() * azimuth.cos(),
+                1.0 - 0.22 * polar.cos(),
+                0.14 * polar.sin() * azimuth.sin(),
+            ));
         }
     }
     let (bottom, top) = (template.len() as u32, template.len() as u32 + 1);
@@ -52,7 +54,9 @@ fn barrel() -> BodyModel {
         topology: Arc::new(Topology { vertex_count: v, faces, quads: vec![] }),
         shape_directions: vec![],
         pose_directions: vec![Vec3::ZERO; 9 * v],
-        joint_regressor: JointRegressor { rows: vec![vec![(bottom, 0.9), (top, 0.1)], vec![(bottom, 0.3), (top, 0.7)]] },
+        joint_regressor: JointRegressor {
+            rows: vec![vec![(bottom, 0.9), (top, 0.1)], vec![(bottom, 0.3), (top, 0.7)]],
+        },
         skin,
         skeleton: Skeleton { names: vec!["pelvis".into(), "spine1".into()], parents: vec![None, Some(0)] },
         uv: UvAtlas::default(),
@@ -118,7 +122,8 @@ fn gravity_is_neutral_in_the_rest_pose_and_pulls_when_lying() {
     let body = barrel();
     let still = run(&body, &FleshConfig::default(), &motion(20, |_| ([Vec3::ZERO; 2], Vec3::ZERO)));
     assert!(largest(&still) < 2e-5, "{}", largest(&still));
-    let lying = run(&body, &FleshConfig::default(), &motion(40, |_| ([Vec3::new(PI / 2.0, 0.0, 0.0), Vec3::ZERO], Vec3::ZERO)));
+    let lying =
+        run(&body, &FleshConfig::default(), &motion(40, |_| ([Vec3::new(PI / 2.0, 0.0, 0.0), Vec3::ZERO], Vec3::ZERO)));
     let mean = lying.deltas.frame(39).iter().sum::<Vec3>() / body.vertex_count() as f32;
     // turned face down, the rest frame's z points at the ground
     assert!(mean.z > 5e-4 && mean.z > mean.x.abs() * 5.0, "{mean}");
@@ -128,7 +133,8 @@ fn gravity_is_neutral_in_the_rest_pose_and_pulls_when_lying() {
 fn weightless_flight_lifts_the_flesh() {
     let body = barrel();
     let fall = motion(20, |t| ([Vec3::ZERO; 2], Vec3::new(0.0, -0.5 * 9.81 * t * t, 0.0)));
-    let mean = run(&body, &FleshConfig::default(), &fall).deltas.frame(8).iter().sum::<Vec3>() / body.vertex_count() as f32;
+    let mean =
+        run(&body, &FleshConfig::default(), &fall).deltas.frame(8).iter().sum::<Vec3>() / body.vertex_count() as f32;
     assert!(mean.y > 1e-3, "{mean}");
 }
 
@@ -136,7 +142,10 @@ fn shaken(sign: f32) -> MotionClip {
     motion(40, move |t| {
         let s = (TAU * 3.0 * t).sin();
         let c = (TAU * 2.0 * t).sin();
-        ([Vec3::new(0.1 * c, sign * 0.2 * s, sign * 0.1 * c), Vec3::new(0.1 * s, 0.0, sign * 0.2 * s)], Vec3::new(sign * 0.02 * s, 0.03 * c, 0.01 * s))
+        (
+            [Vec3::new(0.1 * c, sign * 0.2 * s, sign * 0.1 * c), Vec3::new(0.1 * s, 0.0, sign * 0.2 * s)],
+            Vec3::new(sign * 0.02 * s, 0.03 * c, 0.01 * s),
+        )
     })
 }
 

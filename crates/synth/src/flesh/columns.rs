@@ -1,6 +1,6 @@
 use super::config::{FleshConfig, FleshLaw, Material};
-use super::folds::Folds;
 use super::elements::{Tetrahedron, edge_matrix, mirror_rank, smallest_altitude, split_prisms};
+use super::folds::Folds;
 use glam::Vec3;
 use softtissue_body::procedural::{Anatomy, BoneField};
 use softtissue_body::{BodyModel, Region, ShapedBody};
@@ -83,11 +83,16 @@ impl Tissue {
 
 impl Columns {
     /// Builds the columns of a shaped body.
-    pub fn new(body: &BodyModel, shaped: &ShapedBody, tissue: &Tissue, material: &Material, config: &FleshConfig) -> Self {
+    pub fn new(
+        body: &BodyModel,
+        shaped: &ShapedBody,
+        tissue: &Tissue,
+        material: &Material,
+        config: &FleshConfig,
+    ) -> Self {
         let v = body.vertex_count();
         let adjacency = Adjacency::new(&body.topology);
-        let mut inward: Vec<Vec3> =
-            shaped.vertices.iter().map(|p| tissue.walk_inward(*p, config.depth) - *p).collect();
+        let mut inward: Vec<Vec3> = shaped.vertices.iter().map(|p| tissue.walk_inward(*p, config.depth) - *p).collect();
         smooth(&adjacency, &mut inward, 4);
         symmetrise(body, &mut inward);
 

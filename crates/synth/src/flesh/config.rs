@@ -42,7 +42,7 @@ pub struct Material {
     pub stiffness: f32,
     /// Times all damping. Default 1.
     pub damping: f32,
-    /// Shear modulus of fat, Pa. Default 225: linear tetrahedra of 2-3 cm are two to three times too stiff against
+    /// Shear modulus of fat, Pa. Default 195: linear tetrahedra of 2-3 cm are about three times too stiff against
     /// the 500-750 Pa of fat in vivo.
     pub fat: f32,
     /// How fast fat softens with body mass: `exp(-softening m)` at `m` units over the mean. Default 0.2: the walls
@@ -53,7 +53,7 @@ pub struct Material {
     /// Shear modulus of relaxed muscle, Pa. Default 2500.
     pub muscle: f32,
     /// Shear modulus of the abdomen's content in a lean body, Pa above `viscera`, at one unit of mass under the mean;
-    /// falls by `e` per unit. Default 2200.
+    /// falls by `e` per unit. Default 2000.
     pub viscera_lean: f32,
     /// Shear modulus of the abdomen's content in a heavy body, Pa. Default 700.
     pub viscera: f32,
@@ -65,7 +65,7 @@ pub struct Material {
     pub viscosity: f32,
     /// The same for breast tissue, s. Default 0.018.
     pub breast_viscosity: f32,
-    /// Drag relative to the skinned body, 1/s. Default 2.5: damping that falls with frequency.
+    /// Drag relative to the skinned body, 1/s. Default 3.3: damping that falls with frequency.
     pub drag: f32,
     /// Tension of slack skin per strain and per length of an edge of the mesh, N/m. Default 80; a quarter of it in compression.
     pub skin: f32,
@@ -80,17 +80,17 @@ impl Default for Material {
         Self {
             stiffness: 1.0,
             damping: 1.0,
-            fat: 225.0,
+            fat: 195.0,
             softening: 0.2,
             breast: 0.75,
             muscle: 2500.0,
-            viscera_lean: 2200.0,
+            viscera_lean: 2000.0,
             viscera: 700.0,
             bulk: 36_000.0,
             density: 960.0,
             viscosity: 0.010,
             breast_viscosity: 0.018,
-            drag: 2.5,
+            drag: 3.3,
             skin: 80.0,
             skin_growth: 25_000.0,
             breast_skin: 0.6,

@@ -47,7 +47,8 @@ fn chunk_state(chunk: &Chunk, simulator: &Simulator, from: &Target, to: &Target)
     let mut correction: Option<Box<[Matrix<Lanes>; 2]>> = None;
     for lane in 0..LANES {
         let nodes = [0, 1, 2, 3].map(|k| chunk.nodes[k][lane] as usize);
-        let rest = Mat3::from_cols_array_2d(&std::array::from_fn(|c| std::array::from_fn(|r| chunk.rest[r][c].0[lane])));
+        let rest =
+            Mat3::from_cols_array_2d(&std::array::from_fn(|c| std::array::from_fn(|r| chunk.rest[r][c].0[lane])));
         let corrections = [from, to].map(|target| {
             let [a, b, c, d] = nodes.map(|n| Vec3::from_slice(&target.nodes[n][..3]));
             let posed = Mat3::from_cols(b - a, c - a, d - a);
@@ -81,6 +82,7 @@ fn chunk_state(chunk: &Chunk, simulator: &Simulator, from: &Target, to: &Target)
 /// Smallest altitude of the tetrahedron with these edge vectors.
 fn altitude(m: Mat3) -> f32 {
     let [a, b, c] = [m.x_axis, m.y_axis, m.z_axis];
-    let largest = a.cross(b).length().max(b.cross(c).length()).max(c.cross(a).length()).max((b - a).cross(c - a).length());
+    let largest =
+        a.cross(b).length().max(b.cross(c).length()).max(c.cross(a).length()).max((b - a).cross(c - a).length());
     m.determinant().abs() / largest.max(1e-12)
 }

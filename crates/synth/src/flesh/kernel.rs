@@ -1,8 +1,6 @@
 use super::assembly::{Chunk, SpringChunk};
 use super::law::{Law, Moduli, add_viscous};
-use super::number::{
-    LANES, Lanes, Matrix, Number, cofactors, determinant, generate, multiply, multiply_transpose,
-};
+use super::number::{LANES, Lanes, Matrix, Number, cofactors, determinant, generate, multiply, multiply_transpose};
 
 /// What elements read of a node; the fourth numbers are padding.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -28,8 +26,8 @@ pub struct ChunkState {
 
 const ZERO: Matrix<Lanes> = [[Lanes([0.0; LANES]); 3]; 3];
 
-/// Adds the elastic and viscous forces of a chunk, `f_k = -V P Dm^-T e_k`; returns the signed volume of the
-/// deformed elements relative to rest. `s` in `[0, 1]` is the place in the interval.
+/// Adds the elastic and viscous forces of a chunk, `f_k = -V P Dm^-T e_k`; returns six times the signed
+/// volume of the deformed elements. `s` in `[0, 1]` is the place in the interval.
 #[inline(always)]
 pub fn add_element_forces<L: Law>(
     chunk: &Chunk,
@@ -49,14 +47,16 @@ pub fn add_element_forces<L: Law>(
             }
         }
     }
-    let current = generate(|r, c| dm[r][c] + du[r][c]);
-    let six_volume = determinant(&current, &cofactors(&current));
+    let mut crushed_volume = None;
     if let Some(correction) = &state.correction {
+        let current = generate(|r, c| dm[r][c] + du[r][c]);
+        crushed_volume = Some(determinant(&current, &cofactors(&current)));
         let s = Lanes::splat(s);
         dm = generate(|r, c| dm[r][c] + correction[0][r][c] + s * correction[1][r][c]);
     }
     let dm_cof = cofactors(&dm);
-    let inverse = Lanes::splat(1.0) / determinant(&dm, &dm_cof);
+    let dm_volume = determinant(&dm, &dm_cof);
+    let inverse = Lanes::splat(1.0) / dm_volume;
     let one = Lanes::splat(1.0);
     let g = multiply_transpose(&du, &dm_cof);
     let f = generate(|r, c| if r == c { one + g[r][c] * inverse } else { g[r][c] * inverse });
@@ -64,7 +64,8 @@ pub fn add_element_forces<L: Law>(
     let g_dot = generate(|r, c| rate[r][c] * inverse);
     let moduli = Moduli { mu: chunk.mu, lambda: chunk.lambda, eta: chunk.eta };
     let cof = cofactors(&f);
-    let mut stress = L::stress(&f, &cof, determinant(&f, &cof), &moduli);
+    let j = determinant(&f, &cof);
+    let mut stress = L::stress(&f, &cof, j, &moduli);
     add_viscous(&mut stress, &f, &g_dot, moduli.eta);
     let scale = chunk.volume * state.softening * inverse;
     let h = multiply(&stress, &dm_cof);
@@ -83,7 +84,7 @@ pub fn add_element_forces<L: Law>(
             force[r] += sum[r];
         }
     }
-    six_volume
+    crushed_volume.unwrap_or(j * dm_volume)
 }
 
 /// Strain beyond which the skin stiffens no more.
@@ -111,7 +112,8 @@ pub fn add_spring_forces(chunk: &SpringChunk, nodes: &[NodeState], forces: &mut 
     let e = change / ((length + rest) * rest);
     let pulled = e.max(zero);
     let capped = pulled.min(Lanes::splat(SKIN_STRAIN_END));
-    let tension = pulled * (chunk.linear + chunk.cubic * capped * capped) + e.min(zero) * chunk.linear * Lanes::splat(0.25);
+    let tension =
+        pulled * (chunk.linear + chunk.cubic * capped * capped) + e.min(zero) * chunk.linear * Lanes::splat(0.25);
     let per_length = tension / length;
     for lane in 0..LANES {
         for r in 0..3 {
@@ -132,7 +134,9 @@ mod tests {
         let mut chunk_nodes = [[0; LANES]; 4];
         let mut nodes = Vec::new();
         for lane in 0..LANES {
-            for (corner, base) in [[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.02]].iter().enumerate() {
+            for (corner, base) in
+                [[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.02]].iter().enumerate()
+            {
                 chunk_nodes[corner][lane] = nodes.len() as u32;
                 let mut n = NodeState::default();
                 for r in 0..3 {

@@ -1,7 +1,9 @@
 //! Stress of one element. `F` maps the posed rest edge vectors to the current ones, so `F = I` without
 //! displacement in every pose.
 
-use super::number::{Matrix, Number, cofactors, determinant, generate, multiply, transpose_multiply};
+use super::number::{Matrix, Number, generate, multiply, transpose_multiply};
+#[cfg(test)]
+use super::number::{cofactors, determinant};
 
 /// Moduli of an element; `eta` is its viscosity.
 #[derive(Clone, Copy, Debug)]
@@ -189,7 +191,15 @@ mod tests {
     fn the_first_law_stiffens() {
         let moduli = Moduli { mu: 650.0, lambda: 30_000.0, eta: 0.0 };
         let shear = |g: f64| {
-            let f = generate(|r, c| if r == c { 1.0 } else if (r, c) == (0, 1) { g } else { 0.0 });
+            let f = generate(|r, c| {
+                if r == c {
+                    1.0
+                } else if (r, c) == (0, 1) {
+                    g
+                } else {
+                    0.0
+                }
+            });
             stress_of::<Stiffening>(&f, &moduli)[0][1] / g
         };
         assert!(shear(0.7) > 2.5 * shear(0.01));

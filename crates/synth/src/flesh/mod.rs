@@ -10,8 +10,8 @@
 //! Sources: stable neo-Hookean elasticity (Smith, De Goes and Kim 2018), symplectic Euler with lumped masses
 //! (Bonet and Wood 2008, ch. 9), stiffening of fat under stretch (Alkhouli et al. 2013).
 //!
-//! Not done: fracture of contact into hands and feet, self-contact of flesh with flesh other than the limbs'
-//! capsules, anisotropic muscle and its activation.
+//! Not done: contact of flesh with flesh other than the limbs' capsules, anisotropic muscle and its activation,
+//! elements that do not lock: linear tetrahedra are too stiff, which the default moduli make up for.
 
 mod assembly;
 mod columns;

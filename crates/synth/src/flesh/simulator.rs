@@ -92,7 +92,8 @@ impl<'a> Simulator<'a> {
     fn run_law<L: Law>(&self, motion: &MotionClip) -> std::result::Result<FleshRun, String> {
         let steps = ((self.config.substeps as f32 * 60.0 / motion.fps).round() as usize).max(1);
         let dt = 1.0 / (motion.fps * steps as f32);
-        let target = |frame: usize| Target::new(self.body, &self.shaped, &self.assembly, motion, frame.min(motion.len() - 1));
+        let target =
+            |frame: usize| Target::new(self.body, &self.shaped, &self.assembly, motion, frame.min(motion.len() - 1));
         let mut window = [target(0), target(0), target(1), target(2)];
         let mut state = State::new(self, &window, motion.fps);
         let mut deltas = Frames::zeros(self.body.vertex_count(), 1);
@@ -124,9 +125,12 @@ fn check_config(material: &Material, config: &FleshConfig) -> Result<()> {
     }
     let m = material;
     let numbers = [m.stiffness, m.damping, m.fat, m.breast, m.muscle, m.viscera, m.bulk, m.density];
-    if !numbers.into_iter().all(positive) || ![m.viscera_lean, m.viscosity, m.breast_viscosity, m.drag, m.softening, m.skin, m.skin_growth, m.breast_skin].iter().all(|x| x.is_finite() && *x >= 0.0) {
+    if !numbers.into_iter().all(positive)
+        || ![m.viscera_lean, m.viscosity, m.breast_viscosity, m.drag, m.softening, m.skin, m.skin_growth, m.breast_skin]
+            .iter()
+            .all(|x| x.is_finite() && *x >= 0.0)
+    {
         return bad("material", "stiffnesses, damping and density must be positive, the rest not negative");
     }
     Ok(())
 }
-

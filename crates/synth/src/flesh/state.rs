@@ -144,15 +144,6 @@ impl State {
                 });
                 if Mat3::from_cols(b - a, c - a, d - a).determinant() <= 0.0 {
                     self.statistics.inverted_surface_at_frame_end += 1;
-                    if std::env::var("DBG").is_ok() {
-                        let [a, b, c, d] = [0, 1, 2, 3].map(|k| vec3(self.nodes[chunk.nodes[k][lane] as usize].x));
-                        let det = Mat3::from_cols(b - a, c - a, d - a).determinant();
-                        let n: Vec<u32> = (0..4).map(|k| simulator.assembly.nodes[chunk.nodes[k][lane] as usize].vertex).collect();
-                        let r: Vec<_> = (0..4).map(|k| simulator.assembly.rest[chunk.nodes[k][lane] as usize]).collect();
-                        let det0 = Mat3::from_cols(r[1] - r[0], r[2] - r[0], r[3] - r[0]).determinant();
-                        let free = (0..4).map(|k| u8::from((chunk.nodes[k][lane] as usize) < simulator.assembly.free)).collect::<Vec<_>>();
-                        eprintln!("INV {} {:.2} {:?} {:.2}", simulator.body.regions.0[n[0] as usize].name(), det / det0, free, r[0]);
-                    }
                 }
             }
         }

@@ -34,9 +34,8 @@ impl Target {
                 transforms[v].transform_point3(*rest + offsets[v]).extend(0.0).to_array()
             })
             .collect();
-        let skin = (0..body.vertex_count())
-            .map(|v| transforms[v].transform_point3(shaped.vertices[v] + offsets[v]))
-            .collect();
+        let skin =
+            (0..body.vertex_count()).map(|v| transforms[v].transform_point3(shaped.vertices[v] + offsets[v])).collect();
         let joint_rotations: Vec<Mat3> = joint_transforms.iter().map(|t| Mat3::from(t.matrix3)).collect();
         let linear: Vec<Mat3> = transforms.iter().map(|t| Mat3::from(t.matrix3)).collect();
         let rotations = linear
@@ -69,12 +68,7 @@ pub fn angular_velocity(from: Mat3, to: Mat3, seconds: f32) -> Vec3 {
 /// Weights of four frames round an interval for a position at `s` in `[0, 1]`: Catmull-Rom.
 pub fn catmull_rom(s: f32) -> [f32; 4] {
     let (s2, s3) = (s * s, s * s * s);
-    [
-        0.5 * (2.0 * s2 - s3 - s),
-        0.5 * (3.0 * s3 - 5.0 * s2 + 2.0),
-        0.5 * (4.0 * s2 - 3.0 * s3 + s),
-        0.5 * (s3 - s2),
-    ]
+    [0.5 * (2.0 * s2 - s3 - s), 0.5 * (3.0 * s3 - 5.0 * s2 + 2.0), 0.5 * (4.0 * s2 - 3.0 * s3 + s), 0.5 * (s3 - s2)]
 }
 
 /// Its derivative with respect to `s`.
@@ -95,17 +89,18 @@ pub fn check_motion(body: &BodyModel, motion: &MotionClip) -> Result<(), String>
     }
     let joints = motion.rotations.points_per_frame();
     if joints != body.joint_count() || motion.rotations.len() != motion.len() {
-        return Err(format!("the motion has {joints} joints, the body {}; use a motion made for it", body.joint_count()));
+        return Err(format!(
+            "the motion has {joints} joints, the body {}; use a motion made for it",
+            body.joint_count()
+        ));
     }
     if !(motion.fps.is_finite() && motion.fps > 0.0) {
         return Err(format!("a rate of {} frames a second; correct fps", motion.fps));
     }
-    let bad = (0..motion.len()).find(|&t| {
-        !motion.translations[t].is_finite() || motion.rotations.frame(t).iter().any(|w| !w.is_finite())
-    });
+    let bad = (0..motion.len())
+        .find(|&t| !motion.translations[t].is_finite() || motion.rotations.frame(t).iter().any(|w| !w.is_finite()));
     match bad {
         Some(t) => Err(format!("the motion is not finite in frame {t}; mend the source")),
         None => Ok(()),
     }
 }
-
