@@ -4,11 +4,10 @@ use super::normals;
 use burn::tensor::Device;
 use softtissue_bundle as plain;
 use softtissue_bundle::descriptor::{FeatureBlock, FeatureScaling};
-use softtissue_clips::ClipId;
-use softtissue_model::{RegressorConfig, ShortcutStart, TrainingClip};
+use softtissue_model::{RegressorConfig, ShortcutStart};
 use softtissue_train::{
     Clips, DeltaFrames, DeltaSurface, LossSpace, MotionSequence, RegressorTrainee, RegressorTraining, Shortcut, Stage,
-    State, SubspaceTrainee, SubspaceTraining, Trainee, assembled, motion_sequence, trained_shortcut,
+    State, SubspaceTrainee, SubspaceTraining, Trainee,
 };
 use std::sync::Arc;
 
@@ -152,66 +151,66 @@ fn data_that_do_not_fit_are_refused() {
     assert!(refused.to_string().contains("5 shortcut numbers"), "{refused}");
 }
 
-/// A linear regressor on four features and two shape numbers, with or without a bank.
-fn around(bank: bool) -> plain::Regressor {
-    let scaling = |name: &str, count: usize| {
-        let numbers = normals(name, 40 * count);
-        FeatureScaling::fit(&[&numbers], &FeatureBlock::in_a_row(&[(name, count)]))
-    };
-    let resonators =
-        vec![plain::Resonator { frequency: 3.0, damping: 0.2 }, plain::Resonator { frequency: 7.0, damping: 0.4 }];
-    let bank = bank.then(|| plain::ResonatorBank::new(resonators, 4, 60.0));
-    let shape_terms = if bank.is_some() { vec![vec![], vec![0, 1]] } else { vec![vec![]] };
-    let mut regressor = plain::Regressor {
-        input: scaling("features", 4),
-        shape: scaling("beta", 2),
-        shape_terms,
-        bank,
-        direct: true,
-        ..plain::Regressor::default()
-    };
-    let inputs = regressor.shape_terms.len() * regressor.memory_count() + 2;
-    let weight = normals("shortcut", L * inputs).iter().map(|w| 0.003 * w).collect();
-    regressor.shortcut = plain::Linear { weight: plain::Matrix::new(L, inputs, weight), bias: vec![0.001; L] };
-    regressor
-}
-
-/// What was trained, run by the player, gives the training's own error.
+/// What was trained, run frame by frame by the player, gives the training's own error.
 #[test]
-fn the_assembled_regressor_predicts_what_was_validated() {
-    let clip = |name: &str, frames: usize| TrainingClip {
-        id: ClipId::new("s", name, 0),
-        beta: vec![0.4, -1.2],
-        features: normals(name, frames * 4),
-        coefficients: curved(name, frames),
-        frames,
+fn the_player_predicts_what_was_validated() {
+    let identity = |count: usize| {
+        let numbers: Vec<f32> = (0..2 * count).map(|i| if i < count { -9.0 } else { 9.0 }).collect();
+        FeatureScaling::fit(&[&numbers], &FeatureBlock::in_a_row(&[("all", count)]))
     };
-    let (train, validation) = (vec![clip("a", 30), clip("b", 25)], clip("c", 40));
-    let network = subspace(1).into_network();
+    let clip = sequence("played", 40);
     for trained in [true, false] {
-        let around = around(!trained);
-        let shortcut = if trained { trained_shortcut(&around).expect("a plain layer") } else { Shortcut::Fixed };
-        let sequence = |clip: &TrainingClip| motion_sequence(clip, &around, trained, K);
-        let clips = Clips { train: train.iter().map(sequence).collect(), validation: vec![sequence(&validation)] };
+        let mut whole = plain::Regressor {
+            input: identity(L),
+            shape_terms: vec![vec![]],
+            direct: true,
+            shortcut: plain::Linear { weight: plain::Matrix::new(L, L, vec![0.002; L * L]), bias: vec![0.001; L] },
+            ..plain::Regressor::default()
+        };
+        let unit = whole.input.scale[0];
+        let prepared = |clip: &MotionSequence| {
+            let input: Vec<f32> = clip.input.iter().map(|x| x * unit).collect();
+            let latents = input.chunks(L).flat_map(|x| {
+                let mut z = [0.0; L];
+                whole.shortcut.apply(x, &mut z);
+                z
+            });
+            let shortcut = if trained { input.clone() } else { latents.collect() };
+            MotionSequence { input, shortcut, ..clip.clone() }
+        };
+        let train = vec![prepared(&sequence("a", 30)), prepared(&sequence("b", 25))];
+        let clips = Clips { train, validation: vec![prepared(&clip)] };
+        // The weights' matrix and its transpose are equal here.
+        let start = ShortcutStart { weight: vec![0.002; L * L], bias: vec![0.001; L] };
+        let shortcut = if trained { Shortcut::Trained(start) } else { Shortcut::Fixed };
+        let (network, basis) = (subspace(1).into_network(), surface().directions);
         let config = RegressorTraining { network: RegressorConfig { width: 8 }, batch: 2, ..Default::default() };
-        let basis = surface().directions;
         let mut trainee =
             RegressorTrainee::new(config, &stage("r"), &network, &basis, shortcut, clips).expect("it fits");
         run(&mut trainee, 0..30);
         let validated = trainee.validate().expect("validation");
-        let whole = assembled(&around, &trainee.into_network(), network.scale);
-        let (mut state, decoder) = (whole.start(&validation.beta), network.to_decoder());
-        let (mut sum, mut scratch) = (0.0, vec![0.0; 2 * K + 256]);
-        for (features, wanted) in validation.features.chunks(4).zip(validation.coefficients.chunks(K)) {
-            whole.step(features, &mut state);
-            let mut found = [0.0; 12];
-            decoder.lift.apply(state.latent(), &mut found[..K]);
-            decoder.units.iter().for_each(|unit| unit.apply(&mut found[..K], &mut scratch));
-            found.iter_mut().zip(wanted).for_each(|(f, w)| *f -= w);
-            sum += found.chunks(3).map(|d| f64::from(d.iter().map(|x| x * x).sum::<f32>().sqrt())).sum::<f64>();
+        let learned = trainee.into_network();
+        whole.recurrent = Some(learned.to_recurrent(network.scale));
+        if let Some(shortcut) = learned.to_shortcut(network.scale) {
+            assert_ne!(shortcut, whole.shortcut);
+            whole.shortcut = shortcut;
         }
-        let played = 1000.0 * sum / (4.0 * validation.frames as f64);
+        let played = played_mm(&whole, &network.to_decoder(), &clip);
         assert!((played - validated).abs() < 1e-4 * validated, "{played} {validated}");
     }
-    assert!(trained_shortcut(&around(true)).is_err());
+}
+
+/// Mean vertex error of a rollout, mm.
+fn played_mm(regressor: &plain::Regressor, decoder: &plain::Decoder, clip: &MotionSequence) -> f64 {
+    let (mut state, mut scratch) = (regressor.start(&[]), vec![0.0; 2 * K + 256]);
+    let mut sum = 0.0;
+    for (features, wanted) in clip.input.chunks(L).zip(clip.target.chunks(K)) {
+        regressor.step(features, &mut state);
+        let mut found = [0.0; 12];
+        decoder.lift.apply(state.latent(), &mut found[..K]);
+        decoder.units.iter().for_each(|unit| unit.apply(&mut found[..K], &mut scratch));
+        found.iter_mut().zip(wanted).for_each(|(f, w)| *f -= w);
+        sum += found.chunks(3).map(|d| f64::from(d.iter().map(|x| x * x).sum::<f32>().sqrt())).sum::<f64>();
+    }
+    1000.0 * sum / (4 * clip.frames()) as f64
 }
