@@ -42,7 +42,7 @@ pub struct Material {
     pub stiffness: f32,
     /// Times all damping. Default 1.
     pub damping: f32,
-    /// Shear modulus of fat, Pa. Default 195: linear tetrahedra of 2-3 cm are about three times too stiff against
+    /// Shear modulus of fat, Pa. Default 190: linear tetrahedra of 2-3 cm are about three times too stiff against
     /// the 500-750 Pa of fat in vivo.
     pub fat: f32,
     /// How fast fat softens with body mass: `exp(-softening m)` at `m` units over the mean. Default 0.2: the walls
@@ -53,9 +53,9 @@ pub struct Material {
     /// Shear modulus of relaxed muscle, Pa. Default 2500.
     pub muscle: f32,
     /// Shear modulus of the abdomen's content in a lean body, Pa above `viscera`, at one unit of mass under the mean;
-    /// falls by `e` per unit. Default 2000.
+    /// falls by `e` per unit. Default 2150.
     pub viscera_lean: f32,
-    /// Shear modulus of the abdomen's content in a heavy body, Pa. Default 700.
+    /// Shear modulus of the abdomen's content in a heavy body, Pa. Default 600.
     pub viscera: f32,
     /// Resistance to change of volume, Pa. Default 36000; higher keeps volume better and needs a smaller step.
     pub bulk: f32,
@@ -67,9 +67,10 @@ pub struct Material {
     pub breast_viscosity: f32,
     /// Drag relative to the skinned body, 1/s. Default 3.3: damping that falls with frequency.
     pub drag: f32,
-    /// Tension of slack skin per strain and per length of an edge of the mesh, N/m. Default 80; a quarter of it in compression.
+    /// Tension of slack skin per strain and per length of an edge of the mesh, N/m. Default 20; a quarter of it in
+    /// compression.
     pub skin: f32,
-    /// The same per cubed strain, N/m. Default 25000: what makes large movements stiffer than small ones.
+    /// The same per cubed strain, N/m. Default 35000: what makes large movements stiffer than small ones.
     pub skin_growth: f32,
     /// Skin of the breast relative to the rest. Default 0.6.
     pub breast_skin: f32,
@@ -80,19 +81,19 @@ impl Default for Material {
         Self {
             stiffness: 1.0,
             damping: 1.0,
-            fat: 195.0,
+            fat: 190.0,
             softening: 0.2,
             breast: 0.75,
             muscle: 2500.0,
-            viscera_lean: 2000.0,
-            viscera: 700.0,
+            viscera_lean: 2150.0,
+            viscera: 600.0,
             bulk: 36_000.0,
             density: 960.0,
             viscosity: 0.010,
             breast_viscosity: 0.018,
             drag: 3.3,
-            skin: 80.0,
-            skin_growth: 25_000.0,
+            skin: 20.0,
+            skin_growth: 35_000.0,
             breast_skin: 0.6,
         }
     }
