@@ -3,9 +3,10 @@
 //! one of the regions; prints the measures of each body.
 
 use glam::Vec3;
-use softtissue_body::procedural::{ProceduralConfig, generate};
+use softtissue_body::procedural::{ProceduralBody, ProceduralConfig, generate};
 use softtissue_body::{BodyModel, Pose, Region};
 use softtissue_render::{Camera, Colour, PLAIN, Picture, Scene};
+use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 
 fn colour_of(region: Region) -> Colour {
@@ -26,7 +27,7 @@ fn colour_of(region: Region) -> Colour {
 fn views(model: &BodyModel, positions: &[Vec3], colours: &[Colour], radius: f32) -> Picture {
     let mut scene = Scene::new();
     scene.add_coloured(positions, &model.topology.faces, colours.to_vec());
-    let pictures: Vec<Picture> = [0.0, 0.8, 1.5708, 3.1416]
+    let pictures: Vec<Picture> = [0.0, 0.8, FRAC_PI_2, PI]
         .iter()
         .map(|a| scene.draw(&Camera::around(Vec3::new(0.0, 0.86, 0.0), radius, *a, 0.08), 420, 640))
         .collect();
@@ -36,6 +37,49 @@ fn views(model: &BodyModel, positions: &[Vec3], colours: &[Colour], radius: f32)
 fn save(picture: &Picture, path: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let bytes = picture.to_png()?;
     Ok(softtissue_store::write_atomic(path, |w| w.write_all(&bytes))?)
+}
+
+/// Face, hand and foot.
+fn details(model: &BodyModel) -> Picture {
+    let mut scene = Scene::new();
+    let neutral = model.shaped(&[]);
+    scene.add(&neutral.vertices, &model.topology.faces, PLAIN);
+    let near = |joint: &str, radius: f32, azimuth: f32, elevation: f32| {
+        let at = neutral.joints[model.skeleton.index(joint).unwrap_or(0)];
+        let up = if joint == "head" { 0.07 } else { -0.01 };
+        scene.draw(&Camera::around(at + Vec3::Y * up, radius, azimuth, elevation), 420, 420)
+    };
+    let details = [
+        near("head", 0.17, 0.0, 0.0),
+        near("head", 0.17, 0.7, 0.0),
+        near("head", 0.17, FRAC_PI_2, 0.0),
+        near("left_hand", 0.13, 0.9, 0.1),
+        near("left_hand", 0.13, 0.0, 0.1),
+        near("left_foot", 0.17, 0.8, 0.4),
+    ];
+    Picture::row(&details)
+}
+
+/// One knee up, arms bent.
+fn bent(body: &ProceduralBody) -> Result<Picture, Box<dyn std::error::Error>> {
+    let model = &body.model;
+    let mut rotations = vec![Vec3::ZERO; model.joint_count()];
+    for (joint, rotation) in [
+        ("left_hip", [-1.4, 0.0, 0.1]),
+        ("left_knee", [1.5, 0.0, 0.0]),
+        ("right_hip", [0.4, 0.0, 0.0]),
+        ("left_shoulder", [0.0, -0.6, 0.7]),
+        ("left_elbow", [0.0, -1.4, 0.0]),
+        ("right_shoulder", [0.0, 0.0, 0.5]),
+        ("right_elbow", [0.0, 1.0, 0.0]),
+        ("spine2", [0.25, 0.2, 0.0]),
+        ("head", [0.1, -0.3, 0.0]),
+    ] {
+        rotations[model.skeleton.index(joint).ok_or("no such joint")?] = Vec3::from_array(rotation);
+    }
+    let shaped = model.shaped(&body.anatomy.beta_for_bmi(25.0, &[])?);
+    let posed = model.posed(&shaped, Pose { rotations: &rotations, translation: Vec3::ZERO }, None);
+    Ok(views(model, &posed, &vec![PLAIN; posed.len()], 0.95))
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -60,42 +104,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         );
         save(&views(model, &model.shaped(&beta).vertices, &plain, 0.95), &folder.join(format!("bmi{bmi}.png")))?;
     }
-    let mut scene = Scene::new();
-    let neutral = model.shaped(&[]);
-    scene.add(&neutral.vertices, &model.topology.faces, PLAIN);
-    let near = |joint: &str, radius: f32, azimuth: f32, elevation: f32| {
-        let at = neutral.joints[model.skeleton.index(joint).unwrap_or(0)];
-        let up = if joint == "head" { 0.07 } else { -0.01 };
-        scene.draw(&Camera::around(at + Vec3::Y * up, radius, azimuth, elevation), 420, 420)
-    };
-    let details = [
-        near("head", 0.17, 0.0, 0.0),
-        near("head", 0.17, 0.7, 0.0),
-        near("head", 0.17, 1.57, 0.0),
-        near("left_hand", 0.13, 0.9, 0.1),
-        near("left_hand", 0.13, 0.0, 0.1),
-        near("left_foot", 0.17, 0.8, 0.4),
-    ];
-    save(&Picture::row(&details), &folder.join("details.png"))?;
+    save(&details(model), &folder.join("details.png"))?;
     let colours: Vec<Colour> = model.regions.0.iter().map(|r| colour_of(*r)).collect();
     save(&views(model, &model.template, &colours, 0.95), &folder.join("regions.png"))?;
-    let mut rotations = vec![Vec3::ZERO; model.joint_count()];
-    for (joint, rotation) in [
-        ("left_hip", [-1.4, 0.0, 0.1]),
-        ("left_knee", [1.5, 0.0, 0.0]),
-        ("right_hip", [0.4, 0.0, 0.0]),
-        ("left_shoulder", [0.0, -0.6, 0.7]),
-        ("left_elbow", [0.0, -1.4, 0.0]),
-        ("right_shoulder", [0.0, 0.0, 0.5]),
-        ("right_elbow", [0.0, 1.0, 0.0]),
-        ("spine2", [0.25, 0.2, 0.0]),
-        ("head", [0.1, -0.3, 0.0]),
-    ] {
-        rotations[model.skeleton.index(joint).ok_or("no such joint")?] = Vec3::from_array(rotation);
-    }
-    let shaped = model.shaped(&body.anatomy.beta_for_bmi(25.0, &[])?);
-    let posed = model.posed(&shaped, Pose { rotations: &rotations, translation: Vec3::ZERO }, None);
-    save(&views(model, &posed, &plain, 0.95), &folder.join("bent.png"))?;
+    save(&bent(&body)?, &folder.join("bent.png"))?;
     for k in 0..model.shape_count().min(10) {
         let row: Vec<Picture> = [-2.0, 2.0]
             .iter()

@@ -207,7 +207,9 @@ fn fill(t: &[Corner; 3], light: &Lights, width: usize, top: usize, pixels: &mut 
 mod tests {
     use super::*;
 
-    fn square(z: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    type Triangles = (Vec<Vec3>, Vec<[u32; 3]>);
+
+    fn square(z: f32) -> Triangles {
         let p = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| Vec3::new(x, y, z));
         (p.to_vec(), vec![[0, 1, 2], [0, 2, 3]])
     }
@@ -216,7 +218,7 @@ mod tests {
     fn the_nearer_surface_hides_the_farther_whatever_the_order() {
         let camera = Camera::around(Vec3::ZERO, 2.0, 0.0, 0.0);
         let (near, far) = (square(0.5), square(-0.5));
-        let draw = |order: [(&(Vec<Vec3>, Vec<[u32; 3]>), Colour); 2]| {
+        let draw = |order: [(&Triangles, Colour); 2]| {
             let mut scene = Scene::new();
             for ((p, f), colour) in order {
                 scene.add(p, f, colour);

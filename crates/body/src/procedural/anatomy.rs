@@ -135,7 +135,7 @@ impl Anatomy {
 
     /// Bones between the rest joints `[24]` of a body at `beta`.
     pub fn bones(&self, beta: &[f32], joints: &[Vec3]) -> BoneField {
-        bones(joints, 1.0 + 0.042 * self.parameters(beta).height)
+        bones(joints, self.parameters(beta).scale())
     }
 
     /// Subcutaneous fat at `beta`, metres, `[V]`: thickness grows as `exp(0.62 m)` with the mass knob `m`, the

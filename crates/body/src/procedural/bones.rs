@@ -84,7 +84,7 @@ pub fn bones(joints: &[Vec3], scale: f32) -> BoneField {
         add(shoulder, j[shoulder], 0.022, j[elbow], 0.018);
         add(elbow, j[elbow], 0.018, j[wrist], 0.014);
         add(wrist, j[wrist], 0.012, j[hand], 0.012);
-        add(hand, j[hand], 0.011, j[hand] + (j[hand] - j[wrist]).normalize() * (0.055 * s), 0.007);
+        add(hand, j[hand], 0.009, j[hand] + (j[hand] - j[wrist]).normalize() * (0.045 * s), 0.005);
         add(hip, j[hip], 0.030, j[knee], 0.028);
         add(knee, j[knee], 0.028, j[ankle], 0.018);
         add(ankle, j[ankle], 0.020, j[foot], 0.015);

@@ -1,12 +1,13 @@
 use super::anatomy::Anatomy;
 use super::atlas::atlas;
-use super::figure::{Figure, JOINTS};
+use super::figure::Figure;
 use super::joint_rows::{joint_rows, solve_symmetric};
 use super::parameters::{PARAMETERS, ShapeParameters, sample_people};
 use super::parts;
 use super::pose_fit::PoseFit;
 use super::relax::{Net, fit_figure};
 use super::shape_space::{Scores, directions, mean, principal_scores};
+use super::skeleton::JOINTS;
 use super::subdivision::{SubdivisionMap, subdivide};
 use super::surface_nets::{Grid, QuadMesh, planes, surface_net, symmetric_planes};
 use super::weights::{dense_weights, mirrored_joint, skin_weights};
@@ -353,4 +354,33 @@ fn split_quads(mesh: &QuadMesh) -> Topology {
         faces.extend(if first { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] });
     }
     Topology { vertex_count: mesh.positions.len(), faces, quads: mesh.quads.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_regressor_finds_the_joints_that_the_figures_were_built_on() {
+        let config = ProceduralConfig { people: 30, level: 0, ..Default::default() };
+        let coarse = Coarse::new(&config).unwrap();
+        let (body, _) = coarse.finish().unwrap();
+        let mut worst = (0.0, 0);
+        for (figure, sample) in coarse.figures.iter().zip(&coarse.samples) {
+            let joints = body.model.joint_regressor.joints(sample);
+            for (j, (found, truth)) in joints.iter().zip(figure.joints).enumerate() {
+                worst = if found.distance(truth) > worst.0 { (found.distance(truth), j) } else { worst };
+            }
+        }
+        let (off, joint) = worst;
+        assert!(off < 0.006, "joint {joint} is {off} m off");
+    }
+
+    #[test]
+    fn too_few_people_and_unknown_levels_are_refused() {
+        let few = generate(&ProceduralConfig { people: 8, ..Default::default() }).unwrap_err().to_string();
+        assert!(few.contains("8 people are too few"), "{few}");
+        let level = generate(&ProceduralConfig { level: 2, ..Default::default() }).unwrap_err().to_string();
+        assert!(level.contains("level 2 does not exist"), "{level}");
+    }
 }

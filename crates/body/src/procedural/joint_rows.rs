@@ -1,15 +1,18 @@
 //! The joint regressor: sparse affine combinations of rest vertices fitted over the sampled people.
 
-use super::figure::{Figure, JOINTS};
+use super::figure::Figure;
 use super::relax::Net;
+use super::skeleton::JOINTS;
 use super::weights::mirrored_joint;
 use crate::JointRegressor;
 use glam::Vec3;
 
-/// Vertices a joint looks at.
-const SUPPORT: usize = 32;
+/// Vertices a joint looks at in each octant round it, so that what thickness does on one side the other cancels.
+const SUPPORT: usize = 5;
+/// Vertices farther than this are not looked at, metres.
+const REACH: f32 = 0.25;
 /// Pull of each weight towards the even share, square metres.
-const PULL: f64 = 2e-4;
+const PULL: f64 = 2e-5;
 
 /// Fits every joint of `figures` to the vertices of `samples` (same order). Rows sum to one.
 pub fn joint_rows(net: &Net, template: &[Vec3], samples: &[Vec<Vec3>], figures: &[Figure]) -> JointRegressor {
@@ -33,22 +36,30 @@ pub fn joint_rows(net: &Net, template: &[Vec3], samples: &[Vec<Vec3>], figures: 
     JointRegressor { rows }
 }
 
-/// The vertices nearest to the mean joint, closed under mirroring for a middle joint; ascending.
+/// The vertices nearest to the mean joint in each octant, closed under mirroring for a middle joint; ascending.
 fn support(net: &Net, template: &[Vec3], figures: &[Figure], joint: usize, middle: bool) -> Vec<u32> {
     let at = figures.iter().map(|f| f.joints[joint]).sum::<Vec3>() / figures.len() as f32;
-    let mut order: Vec<u32> = (0..template.len() as u32).collect();
-    order.sort_by(|a, b| {
-        let d = |v: &u32| template[*v as usize].distance_squared(at);
-        d(a).total_cmp(&d(b)).then(a.cmp(b))
-    });
-    order.truncate(SUPPORT);
-    if middle {
-        let mirrored: Vec<u32> = order.iter().map(|v| net.mirror[*v as usize]).collect();
-        order.extend(mirrored);
+    let distance = |v: &u32| template[*v as usize].distance_squared(at);
+    let mut octants = vec![Vec::new(); 8];
+    for (v, p) in template.iter().enumerate() {
+        let d = *p - at;
+        let octant = usize::from(d.x > 0.0) + 2 * usize::from(d.y > 0.0) + 4 * usize::from(d.z > 0.0);
+        if d.length() < REACH {
+            octants[octant].push(v as u32);
+        }
     }
-    order.sort_unstable();
-    order.dedup();
-    order
+    let mut chosen = Vec::new();
+    for octant in &mut octants {
+        octant.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
+        chosen.extend(octant.iter().take(SUPPORT));
+    }
+    if middle {
+        let mirrored: Vec<u32> = chosen.iter().map(|v| net.mirror[*v as usize]).collect();
+        chosen.extend(mirrored);
+    }
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen
 }
 
 fn solve_row(support: &[u32], samples: &[Vec<Vec3>], figures: &[Figure], joint: usize) -> Vec<f64> {

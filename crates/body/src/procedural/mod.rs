@@ -33,6 +33,7 @@ mod parts;
 mod pose_fit;
 mod relax;
 mod shape_space;
+mod skeleton;
 mod subdivision;
 mod surface_nets;
 mod weights;

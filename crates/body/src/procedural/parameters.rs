@@ -42,6 +42,10 @@ impl ShapeParameters {
             belly: a[7],
         }
     }
+    /// Size against the neutral body.
+    pub fn scale(self) -> f32 {
+        1.0 + 0.042 * self.height
+    }
     /// Scales all knobs towards the neutral body.
     pub fn scaled(self, s: f32) -> Self {
         Self::from_array(self.to_array().map(|x| x * s))

@@ -1,7 +1,8 @@
 //! Named regions and tissue of the neutral mesh.
 
-use super::figure::{Figure, JOINTS};
+use super::figure::Figure;
 use super::relax::Net;
+use super::skeleton::JOINTS;
 use super::weights::diffuse;
 use crate::{Region, RegionMap};
 use glam::Vec3;

@@ -2,9 +2,9 @@
 //! of the 207 pose features (Loper et al. 2015). A joint's nine features are fitted alone, so that a corrective
 //! stays near its joint.
 
-use super::figure::JOINTS;
 use super::joint_rows::solve_symmetric;
 use super::relax::Net;
+use super::skeleton::JOINTS;
 use super::weights::mirrored_joint;
 use crate::{Pose, ShapedBody, SkinWeights};
 use glam::{Affine3A, Mat3, Quat, Vec3};
@@ -143,7 +143,7 @@ impl PoseFit<'_> {
 
 /// Sign of entry `i` (row-major) of `M R M` against `R` for the mirror `M = diag(-1, 1, 1)`.
 fn feature_sign(i: usize) -> f32 {
-    if (i / 3 == 0) != (i % 3 == 0) { -1.0 } else { 1.0 }
+    if (i / 3 == 0) != i.is_multiple_of(3) { -1.0 } else { 1.0 }
 }
 
 /// Dual quaternion linear blending of rigid transforms.
@@ -164,8 +164,8 @@ fn blend_dual_quaternions(skin: &SkinWeights, transforms: &[Affine3A]) -> Affine
         pivot.get_or_insert(q);
         let x = t.translation;
         let d = Quat::from_xyzw(x.x, x.y, x.z, 0.0) * q * 0.5;
-        real = real + q * w;
-        dual = dual + d * w;
+        real += q * w;
+        dual += d * w;
     }
     let length = real.length().max(1e-6);
     let (real, dual) = (real * (1.0 / length), dual * (1.0 / length));

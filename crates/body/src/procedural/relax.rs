@@ -1,6 +1,7 @@
 //! Moves the vertices of a fixed topology along the surfaces of figures: evening out, homotopy between figures.
 
-use super::figure::{Figure, JOINTS};
+use super::figure::Figure;
+use super::skeleton::JOINTS;
 use super::surface_nets::QuadMesh;
 use glam::{Mat3, Quat, Vec3};
 use rayon::prelude::*;

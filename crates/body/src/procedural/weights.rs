@@ -1,7 +1,8 @@
 //! Skin weights by diffusion of hard labels over the mesh.
 
-use super::figure::{Figure, JOINTS};
+use super::figure::Figure;
 use super::relax::{Net, bone_end};
+use super::skeleton::JOINTS;
 use crate::SkinWeights;
 use glam::Vec3;
 
