@@ -147,7 +147,7 @@ fn a_pose_is_recovered_from_nothing() {
             let (rotations, translation) = (truth.axis_angles(), truth.translation);
             let scan = weighted.packed.sorted(&body.posed(&shaped, Pose { rotations: &rotations, translation }, None));
             let start = objective.start(&scan);
-            let stop = Stop { tolerance: 5e-4, max_iterations: 30 };
+            let stop = Stop { tolerance: 5e-4, least_gain: 1e-5, max_iterations: 30 };
             let solution = objective.solve(start, None, &scan, stop, &mut work);
             let worst = solution.state.turn_since(&truth).iter().map(|w| w.length()).fold(0.0, f32::max);
             assert!(worst < 1e-3, "{kind:?}, seed {seed}: {worst} rad after {} evaluations", solution.evaluations);

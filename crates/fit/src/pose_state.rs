@@ -47,10 +47,6 @@ impl PoseState {
         let turn = |(a, b): (&Quat, &Quat)| axis_angle_from_rotation(Mat3::from_quat(*a * b.inverse()));
         self.rotations.iter().zip(&before.rotations).map(turn).collect()
     }
-
-    pub fn is_finite(&self) -> bool {
-        self.translation.is_finite() && self.rotations.iter().all(|q| q.is_finite())
-    }
 }
 
 /// The skeleton's transforms at a pose.

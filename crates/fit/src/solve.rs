@@ -12,6 +12,8 @@ use softtissue_geometry::left_jacobian;
 pub(crate) struct Stop {
     /// Largest step, radians and metres.
     pub tolerance: f64,
+    /// Least share of the objective that a step must promise to take away.
+    pub least_gain: f64,
     pub max_iterations: usize,
 }
 
@@ -39,10 +41,14 @@ pub(crate) struct Solution {
 
 /// Turn of a joint, radians, after which the part between bones and correctives is made anew.
 const OLD: f32 = 0.25;
-/// Ratio of a step to the one before above which that part is made anew as well.
+/// Ratio of a step to the one before above which that part is made anew as well, ...
 const SLOW: f64 = 0.2;
-const FIRST_DAMPING: f64 = 1e-5;
-const LEAST_DAMPING: f64 = 1e-9;
+/// ... once, after so many evaluations.
+const PATIENCE: usize = 5;
+const FIRST_DAMPING: f64 = 1e-4;
+const LEAST_DAMPING: f64 = 1e-4;
+/// Largest turn or move of a step, radians and metres.
+const LARGEST_STEP: f64 = 1.0;
 const MOST_DAMPING: f64 = 1e6;
 
 impl Objective {
@@ -60,37 +66,32 @@ impl Objective {
         let mut kinematics = self.kinematics(&state);
         let mut normal = self.normal_with_prior(&kinematics, &state, before, scan, work);
         let (mut evaluations, mut last_size) = (1, f64::INFINITY);
-        while evaluations < stop.max_iterations {
-            let Some(step) = damped_step(&normal, damping) else {
-                if damping > MOST_DAMPING {
-                    break;
-                }
+        while evaluations < stop.max_iterations && damping < MOST_DAMPING {
+            // an old part between bones and correctives can make the matrix singular, so a wild step is no step
+            let Some(step) = damped_step(&normal, damping).filter(|s| largest(s) < LARGEST_STEP) else {
                 damping *= 10.0;
                 continue;
             };
             let next = state.stepped(&step, &kinematics);
-            if !next.is_finite() {
-                break;
-            }
-            let size = step.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-            if size < stop.tolerance {
+            let size = largest(&step);
+            let promised: f64 = -normal.gradient.iter().zip(&step).map(|(g, d)| g * d).sum::<f64>();
+            if size < stop.tolerance || promised < stop.least_gain * normal.value {
                 state = next;
                 break;
             }
-            if size > SLOW * last_size {
+            if size > SLOW * last_size && evaluations == PATIENCE {
                 work.cross = None;
             }
             last_size = size;
             let next_kinematics = self.kinematics(&next);
             let next_normal = self.normal_with_prior(&next_kinematics, &next, before, scan, work);
             evaluations += 1;
-            if next_normal.value < normal.value {
+            let gain = (normal.value - next_normal.value) / promised;
+            if gain > 0.0 {
                 (state, kinematics, normal) = (next, next_kinematics, next_normal);
-                damping = (damping * 0.1).max(LEAST_DAMPING);
-            } else if damping > MOST_DAMPING {
-                break;
+                damping = if gain > 0.5 { (damping * 0.1).max(LEAST_DAMPING) } else { damping };
             } else {
-                damping = (damping * 10.0).max(FIRST_DAMPING);
+                damping *= 10.0;
             }
         }
         Solution { state, value: normal.value, evaluations }
@@ -125,6 +126,10 @@ impl Objective {
         }
         normal
     }
+}
+
+fn largest(step: &[f64]) -> f64 {
+    step.iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 
 /// `-(H + damping diag H)^-1 g`; `None` if that is no descent.
