@@ -76,7 +76,7 @@ pub fn bones(joints: &[Vec3], scale: f32) -> BoneField {
     add(6, at(6, 0.0, 0.0, -0.005), 0.032, at(9, 0.0, 0.0, 0.0), 0.055);
     // the rib cage: two lobes and the upper chest
     for side in [1.0, -1.0] {
-        add(9, at(9, side * 0.050, -0.01, 0.005), 0.058, at(9, side * 0.042, 0.10, -0.008), 0.046);
+        add(9, at(9, side * 0.050, -0.01, 0.007), 0.053, at(9, side * 0.042, 0.10, -0.008), 0.042);
         let (collar, shoulder, elbow, wrist, hand) =
             if side > 0.0 { (13, 16, 18, 20, 22) } else { (14, 17, 19, 21, 23) };
         let (hip, knee, ankle, foot) = if side > 0.0 { (1, 4, 7, 10) } else { (2, 5, 8, 11) };
