@@ -21,13 +21,13 @@ use std::f32::consts::{PI, TAU};
 use table::Table;
 
 /// What to measure, from the command line.
-pub struct Settings {
+pub(crate) struct Settings {
     groups: Vec<String>,
     bmis: Vec<f64>,
     motions: Vec<String>,
-    pub frames: usize,
-    pub material: Material,
-    pub config: FleshConfig,
+    pub(crate) frames: usize,
+    pub(crate) material: Material,
+    pub(crate) config: FleshConfig,
     picture: Option<String>,
 }
 

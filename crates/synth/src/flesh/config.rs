@@ -53,7 +53,7 @@ pub struct Material {
     /// Shear modulus of relaxed muscle, Pa. Default 2500.
     pub muscle: f32,
     /// Shear modulus of the abdomen's content in a lean body, Pa above `viscera`, at one unit of mass under the mean;
-    /// falls by `e` per unit. Default 2150.
+    /// falls by `e` per unit. Default 2600.
     pub viscera_lean: f32,
     /// Shear modulus of the abdomen's content in a heavy body, Pa. Default 600.
     pub viscera: f32,
@@ -65,7 +65,7 @@ pub struct Material {
     pub viscosity: f32,
     /// The same for breast tissue, s. Default 0.018.
     pub breast_viscosity: f32,
-    /// Drag relative to the skinned body, 1/s. Default 3.3: damping that falls with frequency.
+    /// Drag relative to the skinned body, 1/s. Default 4.5: damping that falls with frequency.
     pub drag: f32,
     /// Tension of slack skin per strain and per length of an edge of the mesh, N/m. Default 20; a quarter of it in
     /// compression.
@@ -85,13 +85,13 @@ impl Default for Material {
             softening: 0.2,
             breast: 0.75,
             muscle: 2500.0,
-            viscera_lean: 2150.0,
+            viscera_lean: 2600.0,
             viscera: 600.0,
             bulk: 36_000.0,
             density: 960.0,
             viscosity: 0.010,
             breast_viscosity: 0.018,
-            drag: 3.3,
+            drag: 4.5,
             skin: 20.0,
             skin_growth: 35_000.0,
             breast_skin: 0.6,
