@@ -73,7 +73,8 @@ impl Gru {
         assert_eq!(inputs, self.input_weight.dims()[0], "inputs of a GRU");
         // The recurrent biases of the reset and update gates are only ever added to the input's.
         let hidden_bias = self.hidden_bias.val().inner();
-        let gates = self.input_bias.val().inner().slice([0..2 * width]) + hidden_bias.clone().slice([0..2 * width]);
+        let gates =
+            self.input_bias.val().inner().slice_dim(0, 0..2 * width) + hidden_bias.clone().slice_dim(0, 0..2 * width);
         let rows = input.inner().reshape([frames * batch, inputs]);
         let weight = self.input_weight.val().inner();
         let product = |columns: std::ops::Range<usize>, bias: Tensor<1>| {
@@ -81,11 +82,11 @@ impl Gru {
             rows.clone().matmul(columns) + bias.unsqueeze()
         };
         let gates = product(0..2 * width, gates);
-        let new = product(2 * width..3 * width, self.input_bias.val().inner().slice([2 * width..3 * width]));
+        let new = product(2 * width..3 * width, self.input_bias.val().inner().slice_dim(0, 2 * width..3 * width));
         let frame = |all: &Tensor<2>, t: usize| all.clone().slice_dim(0, t * batch..(t + 1) * batch);
         GruRollout {
             hidden_weight: self.hidden_weight.val().inner(),
-            new_bias: hidden_bias.slice([2 * width..3 * width]).unsqueeze(),
+            new_bias: hidden_bias.slice_dim(0, 2 * width..3 * width).unsqueeze(),
             from_input: (0..frames).map(|t| [frame(&gates, t), frame(&new, t)]).collect(),
         }
     }

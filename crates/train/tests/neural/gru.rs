@@ -80,8 +80,9 @@ fn burns(gru: &Gru, inputs: usize, width: usize, device: &Device) -> burn::nn::g
         let matrix = |weight: &Param<Tensor<2>>, rows: usize| {
             Param::from_data(weight.val().inner().slice([0..rows, part.clone()]).into_data(), device)
         };
-        let vector =
-            |bias: &Param<Tensor<1>>| Param::from_data(bias.val().inner().slice([part.clone()]).into_data(), device);
+        let vector = |bias: &Param<Tensor<1>>| {
+            Param::from_data(bias.val().inner().slice_dim(0, part.clone()).into_data(), device)
+        };
         gate.input_transform.weight = matrix(&gru.input_weight, inputs);
         gate.hidden_transform.weight = matrix(&gru.hidden_weight, width);
         gate.input_transform.bias = Some(vector(&gru.input_bias));
