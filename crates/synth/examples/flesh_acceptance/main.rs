@@ -88,7 +88,7 @@ fn main() {
     }
     if settings.wants("variance") {
         let (components, frames) = variance::components(&body, &settings);
-        let name = format!("components for 95 % of the variance of {frames} true frames of two people");
+        let name = format!("components for 95 % of the variance of {frames} true frames of four people");
         table.at_least(&name, components as f64, 20.0, "");
     }
     if let Some(path) = &settings.picture {

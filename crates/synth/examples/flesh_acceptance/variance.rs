@@ -7,19 +7,18 @@ use softtissue_body::procedural::ProceduralBody;
 use softtissue_synth::motion::{self, Request};
 use softtissue_synth::subject::{Subject, SubjectConfig};
 
-const MOTIONS: [&str; 6] = ["jumping_jacks", "running_on_spot", "shake_hips", "punching", "knees", "one_leg_loose"];
 /// Every how many frames one is taken.
-const STRIDE: usize = 4;
+const STRIDE: usize = 8;
 
-/// Components of a sample of frames of two people.
+/// Components of a sample of frames of four people, and the size of the sample.
 pub fn components(body: &ProceduralBody, settings: &Settings) -> (usize, usize) {
     let mut frames: Vec<Vec<Vec3>> = Vec::new();
-    for (index, bmi) in [22.0, 29.0].into_iter().enumerate() {
+    for (index, bmi) in [20.0, 24.0, 27.0, 31.0].into_iter().enumerate() {
         let config = SubjectConfig::default();
         let person = Subject::draw(&body.model, &body.anatomy, &settings.material, &config, 1, index, bmi)
             .expect("a BMI in range");
         let shaped = body.model.shaped(&person.beta);
-        for motion in MOTIONS {
+        for motion in &settings.motions {
             let request =
                 Request { subject: &person.name, motion, take: 0, frames: settings.frames, fps: 60.0, seed: 1 };
             let clip = motion::generate(&request, &shaped, &person.style).expect("a known motion");
