@@ -53,7 +53,7 @@ pub struct Material {
     /// Shear modulus of relaxed muscle, Pa. Default 2500.
     pub muscle: f32,
     /// Shear modulus of the abdomen's content in a lean body, Pa above `viscera`, at one unit of mass under the mean;
-    /// falls by `e` per unit. Default 2600.
+    /// falls by `e` per unit. Default 3600.
     pub viscera_lean: f32,
     /// Shear modulus of the abdomen's content in a heavy body, Pa. Default 600.
     pub viscera: f32,
@@ -85,7 +85,7 @@ impl Default for Material {
             softening: 0.2,
             breast: 0.75,
             muscle: 2500.0,
-            viscera_lean: 2600.0,
+            viscera_lean: 3600.0,
             viscera: 600.0,
             bulk: 36_000.0,
             density: 960.0,
