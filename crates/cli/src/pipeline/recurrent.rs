@@ -6,7 +6,7 @@ use anyhow::Result;
 use rayon::prelude::*;
 use softtissue_body::BodyModel;
 use softtissue_bundle::descriptor::FeatureBlock;
-use softtissue_bundle::{Regressor, Subspace};
+use softtissue_bundle::{Matrix, Regressor, ResonatorBank, Subspace};
 use softtissue_model::linear::{ReadoutConfig, SoftScore, fit_readout};
 use softtissue_model::{Autoencoder, ShortcutStart, TrainingClip, truncated};
 use softtissue_train::{Clips, MotionSequence, RegressorTrainee, Shortcut, Stage};
@@ -77,7 +77,9 @@ pub fn learn_regressor(context: &Context, place: &Place, inputs: RegressorInputs
     if let Some(trained) = network.to_shortcut(scale) {
         regressor.shortcut = trained;
     }
-    regressor.recurrent = Some(network.to_recurrent(scale));
+    let mut recurrent = network.to_recurrent(scale);
+    recurrent.gru.w_ih = widened(&recurrent.gru.w_ih, seen(&regressor), regressor.feature_count());
+    regressor.recurrent = Some(recurrent);
     Ok(LearnedRegressor { regressor, best_step, best_mm })
 }
 
@@ -152,16 +154,36 @@ fn rollout(regressor: &Regressor, clip: &TrainingClip) -> Vec<f32> {
     latents
 }
 
+/// How many of the scaled features the recurrent unit sees: what drives the resonators (the forces). Pose entries
+/// serve a linear readout, but a network learns by them which training clip it is in. Without resonators all, as
+/// published.
+fn seen(regressor: &Regressor) -> usize {
+    regressor.bank.as_ref().map_or(regressor.feature_count(), ResonatorBank::channels)
+}
+
+/// Input weights `[3H, seen + B]` with zeros for the features that the recurrent unit does not see: `[3H, all + B]`.
+fn widened(weight: &Matrix, seen: usize, all: usize) -> Matrix {
+    let mut data = Vec::with_capacity(weight.rows() * (weight.cols() + all - seen));
+    for row in 0..weight.rows() {
+        let (features, shape) = weight.row(row).split_at(seen);
+        data.extend_from_slice(features);
+        data.extend(std::iter::repeat_n(0.0, all - seen));
+        data.extend_from_slice(shape);
+    }
+    Matrix::new(weight.rows(), weight.cols() + all - seen, data)
+}
+
 /// Scaled features and shape beside what the shortcut gives (or, without `latents`, sees).
 fn sequence(regressor: &Regressor, clip: &TrainingClip, latents: Option<Vec<f32>>) -> MotionSequence {
     let (d, shape) = (regressor.feature_count(), regressor.scaled_shape(&clip.beta));
     let scaled = regressor.input.apply_clip(&clip.features);
-    let input: Vec<f32> =
-        scaled.chunks_exact(d.max(1)).flat_map(|x| x.iter().copied().chain(shape.iter().copied())).collect();
+    let with_shape = |count: usize| -> Vec<f32> {
+        scaled.chunks_exact(d.max(1)).flat_map(|x| x[..count].iter().copied().chain(shape.iter().copied())).collect()
+    };
     MotionSequence {
-        input_width: d + shape.len(),
-        shortcut: latents.unwrap_or_else(|| input.clone()),
-        input,
+        input: with_shape(seen(regressor)),
+        input_width: seen(regressor) + shape.len(),
+        shortcut: latents.unwrap_or_else(|| with_shape(d)),
         target: clip.coefficients.clone(),
     }
 }
