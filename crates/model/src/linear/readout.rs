@@ -10,31 +10,31 @@ use softtissue_bundle::{Matrix, Resonator, ResonatorBank};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReadoutConfig {
-    /// Undamped frequencies of the bank, Hz. Default ten from 1.2 to 12, evenly in the logarithm. Empty: no bank, the
+    /// Undamped frequencies of the bank, Hz. Default eleven from 1.2 to 20, evenly in the logarithm. Empty: no bank, the
     /// readout sees the features of the frame alone (static ridge).
     pub frequencies_hz: Vec<f32>,
-    /// Damping ratios, each with every frequency. Default 0.08, 0.2, 0.4.
+    /// Damping ratios, each with every frequency. Default 0.15, 0.5.
     pub damping_ratios: Vec<f32>,
     /// Whether the readout also sees the features themselves. Default true.
     pub direct: bool,
     /// Shape terms that multiply the readout, as exponents of `beta[0], beta[1], ...`; the first, `[]`, is the constant.
     /// Default 1, `beta[1]`, its square: one readout for all subjects that bends with body mass.
     pub shape_terms: Vec<Vec<u8>>,
-    /// Ridge strengths tried on validation, as parts of the features' total variance. Default six from 1e-6 to 1e-1.
+    /// Ridge strengths tried on validation, as parts of the features' total variance. Default five from 1e-5 to 1e-1.
     pub strengths: Vec<f64>,
-    /// Every how many-th frame is an equation. Default 2: neighbours say nearly the same, and the fit costs the cube.
+    /// Every how many-th frame is an equation. Default 3: neighbours say nearly the same, and the fit costs the cube.
     pub frame_stride: usize,
 }
 
 impl Default for ReadoutConfig {
     fn default() -> Self {
         Self {
-            frequencies_hz: logarithmic(1.2, 12.0, 10),
-            damping_ratios: vec![0.08, 0.2, 0.4],
+            frequencies_hz: logarithmic(1.2, 20.0, 11),
+            damping_ratios: vec![0.15, 0.5],
             direct: true,
             shape_terms: vec![vec![], vec![0, 1], vec![0, 2]],
-            strengths: vec![1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1],
-            frame_stride: 2,
+            strengths: vec![1e-5, 1e-4, 1e-3, 1e-2, 1e-1],
+            frame_stride: 3,
         }
     }
 }
@@ -57,7 +57,7 @@ fn logarithmic(first: f32, last: f32, count: usize) -> Vec<f32> {
 pub struct Selected<M> {
     /// The model at the chosen strength.
     pub model: M,
-    /// The chosen strength; the median where each coefficient has its own.
+    /// The chosen strength.
     pub strength: f64,
     /// Its score on the validation clips.
     pub score: Score,
@@ -65,8 +65,8 @@ pub struct Selected<M> {
     pub tried: Vec<(f64, Score)>,
 }
 
-/// Fits a readout on `train` and chooses a ridge strength for each coefficient by the squared error of free rollouts on
-/// `validation` (the first strength where there is no validation clip). The result is a regressor without recurrent part
+/// Fits a readout on `train` and chooses its ridge strength by the soft ratio of free rollouts on `validation`
+/// (the first strength where there is no validation clip). The result is a regressor without recurrent part
 /// whose latent is the coefficients, so that the player can run it.
 pub fn fit_readout(
     config: &ReadoutConfig,
@@ -81,77 +81,16 @@ pub fn fit_readout(
     let rows: Vec<Equations> = train.par_iter().map(|clip| equations(&regressor, clip, stride)).collect();
     let ridge = Ridge::new(&rows)?;
     let held: Vec<Equations> = validation.par_iter().map(|clip| equations(&regressor, clip, 1)).collect();
-    let mut fits = Vec::with_capacity(config.strengths.len());
-    for &strength in &config.strengths {
-        check_strength(strength)?;
+    let (readout, strength, score, tried) = select(&config.strengths, |strength| {
         let readout = ridge.solve(strength)?;
-        let clips: Vec<Vec<f32>> = held.par_iter().map(|clip| predict(&readout, clip)).collect();
-        fits.push(Fit { strength, readout, clips });
-    }
-    let total = |clips: &dyn Fn(usize) -> Vec<f32>| {
-        let mut sum = Score::default();
-        held.iter().enumerate().for_each(|(i, h)| sum.add(score.clip(&clips(i), &h.targets)));
-        sum
-    };
-    let tried = fits.iter().map(|fit| (fit.strength, total(&|i| fit.clips[i].clone()))).collect();
-    let (readout, strengths, clips) = best_of_each(&fits, &held)?;
-    let (strength, score) = (median(&strengths), total(&|i| clips[i].clone()));
+        let clips: Vec<Score> =
+            held.par_iter().map(|clip| score.clip(&predict(&readout, clip), &clip.targets)).collect();
+        Ok((readout, clips))
+    })?;
     let inputs = readout.weight.len() / readout.bias.len().max(1);
     regressor.shortcut =
         plain::Linear { weight: Matrix::new(readout.bias.len(), inputs, readout.weight), bias: readout.bias };
     Ok(Selected { model: regressor, strength, score, tried })
-}
-
-/// One strength's solution and what it predicts for the validation clips.
-struct Fit {
-    strength: f64,
-    readout: Readout,
-    clips: Vec<Vec<f32>>,
-}
-
-/// Each coefficient's weights from the strength that predicts it with the least squared error on validation: the late
-/// components hold more noise than motion and want a stronger ridge. Returns the readout, the strengths and its
-/// predictions.
-fn best_of_each(fits: &[Fit], held: &[Equations]) -> Result<(Readout, Vec<f64>, Vec<Vec<f32>>), ModelError> {
-    let first = fits.first().ok_or_else(no_strength)?;
-    let (mut readout, mut clips) = (first.readout.clone(), first.clips.clone());
-    let outputs = readout.bias.len();
-    let inputs = readout.weight.len() / outputs.max(1);
-    let mut strengths = Vec::with_capacity(outputs);
-    for o in 0..outputs {
-        let error = |fit: &Fit| -> f64 {
-            let pairs = fit.clips.iter().zip(held).flat_map(|(p, h)| p.iter().zip(&h.targets).skip(o).step_by(outputs));
-            pairs.map(|(p, t)| f64::from(p - t).powi(2)).sum()
-        };
-        let errors: Vec<f64> = fits.iter().map(error).collect();
-        let best = (0..fits.len()).fold(0, |b, i| if errors[i] < errors[b] { i } else { b });
-        let fit = &fits[best];
-        strengths.push(fit.strength);
-        readout.bias[o] = fit.readout.bias[o];
-        let row = o * inputs..(o + 1) * inputs;
-        readout.weight[row.clone()].copy_from_slice(&fit.readout.weight[row]);
-        for (to, from) in clips.iter_mut().zip(&fit.clips) {
-            to.iter_mut().zip(from).skip(o).step_by(outputs).for_each(|(to, from)| *to = *from);
-        }
-    }
-    Ok((readout, strengths, clips))
-}
-
-fn median(numbers: &[f64]) -> f64 {
-    let mut sorted = numbers.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
-}
-
-fn no_strength() -> ModelError {
-    ModelError::Config("no ridge strength is named; name one in `strengths`".into())
-}
-
-fn check_strength(strength: f64) -> Result<(), ModelError> {
-    if strength > 0.0 && strength.is_finite() {
-        return Ok(());
-    }
-    Err(ModelError::Config(format!("ridge strength {strength} is not above 0; correct `strengths`")))
 }
 
 /// Solves at each strength and keeps the one with the lowest soft ratio.
@@ -162,7 +101,9 @@ pub(super) fn select<M>(
     let mut best: Option<(M, f64, Score)> = None;
     let mut tried = Vec::with_capacity(strengths.len());
     for &strength in strengths {
-        check_strength(strength)?;
+        if !(strength > 0.0 && strength.is_finite()) {
+            return Err(ModelError::Config(format!("ridge strength {strength} is not above 0; correct `strengths`")));
+        }
         let (model, clips) = solve(strength)?;
         let mut score = Score::default();
         clips.into_iter().for_each(|c| score.add(c));
@@ -171,7 +112,8 @@ pub(super) fn select<M>(
             best = Some((model, strength, score));
         }
     }
-    let (model, strength, score) = best.ok_or_else(no_strength)?;
+    let (model, strength, score) =
+        best.ok_or_else(|| ModelError::Config("no ridge strength is named; name one in `strengths`".into()))?;
     Ok((model, strength, score, tried))
 }
 
