@@ -1,6 +1,9 @@
 //! Bad settings, files and folders, through the real command: one sentence, the right exit code, nothing half-written.
 
-use crate::support::{Said, bytes_below, command, data_dir, folder, softtissue, tiny_config, tiny_run, tiny_train};
+use crate::support::{
+    Said, bytes_below, command, copy_of_the_run, data_dir, folder, softtissue, tiny_config, tiny_run, tiny_scans,
+    tiny_train,
+};
 use std::path::Path;
 use std::process::Command;
 
@@ -21,6 +24,11 @@ fn settings_that_make_no_sense() {
     check("regressor.latents=33").refused(2, &["33", "subspace.sizes"]);
     check("synth.motions=[\"dancing\"]").refused(2, &["dancing"]);
     check("synth.fps=0.0").refused(2, &["fps"]);
+    check("subspace.training.batch=0").refused(2, &["subspace.training.batch"]);
+    check("subspace.training.dropout=1.0").refused(2, &["dropout"]);
+    check("regressor.training.adam.beta_2=1.5").refused(2, &["beta_2"]);
+    check("ladder.ar2.strengths=[]").refused(2, &["ladder.ar2.strengths"]);
+    check("train.keep_last=0").refused(2, &["train.keep_last"]);
     check("device=tpu").refused(2, &["tpu", "flex"]);
     softtissue(&["config", "check", "--config", "no-such-size"]).refused(3, &["no-such-size", "quick"]);
 }
@@ -37,6 +45,10 @@ fn configuration_files_that_are_none() {
     refuse("binary.toml", &[0xff, 0xfe, 0, 1, 2]);
     refuse("half.toml", b"[regressor\nlatents = 3");
     refuse("typed.toml", b"seed = \"one\"");
+    std::fs::write(dir.join("line.toml"), "seed = 1\n\n[fit]\nsolvers = 3\n").expect("a file");
+    let line = text(&dir.join("line.toml"));
+    softtissue(&["config", "check", "--config", &line]).refused(2, &["line 4", "solvers"]);
+    softtissue(&["config", "check", "--config", &text(&dir)]).refused(3, &["bad-config"]);
     // A file states what differs: an empty one is the default.
     let empty = dir.join("empty.toml");
     std::fs::write(&empty, "").expect("a file");
@@ -49,6 +61,10 @@ fn nothing_is_left_to_train_on() {
     let mut run = tiny_train(&tiny_config(&dir), &dir.join("run"));
     run.args(["--set", "split.test_motions=[\"one_leg_jump\", \"punching\", \"shake_hips\"]"]);
     Said::of(&run.output().expect("the command starts")).refused(2, &["train on"]);
+    let mut run = tiny_train(&tiny_config(&dir), &dir.join("run"));
+    run.args(["--set", "split.test_motions=[]"]);
+    Said::of(&run.output().expect("the command starts")).refused(2, &["punching", "--no-eval"]);
+    assert!(!dir.join("run").exists(), "bad settings leave nothing behind");
 }
 
 #[test]
@@ -70,15 +86,7 @@ fn output_folders_that_cannot_be() {
 
 #[test]
 fn one_run_folder_is_for_one_process() {
-    let taken = tiny_run();
-    let lock = std::fs::OpenOptions::new().write(true).open(taken.path.join("run.lock")).expect("a lock");
-    let copy = folder("locked").join("run");
-    for (path, bytes) in bytes_below(&taken.path) {
-        let to = copy.join(path);
-        std::fs::create_dir_all(to.parent().expect("a parent")).expect("a folder");
-        std::fs::write(to, bytes).expect("a file");
-    }
-    drop(lock);
+    let copy = copy_of_the_run("locked");
     let held = std::fs::OpenOptions::new().write(true).open(copy.join("run.lock")).expect("a lock");
     held.lock().expect("locked");
     softtissue(&["eval", &text(&copy)]).refused(2, &["in use"]);
@@ -159,7 +167,18 @@ fn scans_that_are_none() {
 fn obj_sequence(home: &Path, subject: &str, motion: &str) {
     let bundle = text(&tiny_run().path.join("bundle"));
     let out = text(&home.join(subject).join(motion));
-    softtissue(&["animate", "--bundle", &bundle, "--motion", &format!("synth:{motion}"), "--frames", "40", "--out", &out]).fine();
+    softtissue(&[
+        "animate",
+        "--bundle",
+        &bundle,
+        "--motion",
+        &format!("synth:{motion}"),
+        "--frames",
+        "40",
+        "--out",
+        &out,
+    ])
+    .fine();
 }
 
 #[test]
@@ -184,7 +203,8 @@ fn own_obj_sequences_train() {
         .lines()
         .map(|l| match l.strip_prefix("v ") {
             Some(xyz) => {
-                let xyz: Vec<String> = xyz.split(' ').map(|x| (x.parse::<f32>().expect("a number") * 1e3).to_string()).collect();
+                let xyz: Vec<String> =
+                    xyz.split(' ').map(|x| (x.parse::<f32>().expect("a number") * 1e3).to_string()).collect();
                 format!("v {}\n", xyz.join(" "))
             }
             None => format!("{l}\n"),
@@ -202,12 +222,22 @@ fn own_obj_sequences_train() {
     again(&good.replacen(face, "f 1 900 1700", 1), "connectivity").refused(3, &["frame_00000.obj", "connectivity"]);
     std::fs::write(&first, &good).expect("a frame");
     let fast = dir.join("fast");
-    softtissue(&["import", &text(&home), "--out", &text(&fast), "--fps", "120", "--data-dir", &text(&data_dir())]).fine();
+    softtissue(&["import", &text(&home), "--out", &text(&fast), "--fps", "120", "--data-dir", &text(&data_dir())])
+        .fine();
     let mut run = tiny_train(&tiny_config(&dir), &dir.join("run-fast"));
     run.arg("--data").arg(&fast);
     Said::of(&run.output().expect("the command starts")).refused(3, &["120", "resample"]);
     for fps in ["0", "-5", "NaN"] {
-        softtissue(&["import", &text(&home), "--out", &text(&dir.join("fps")), &format!("--fps={fps}"), "--data-dir", &text(&data_dir())]).refused(3, &["frames a second"]);
+        softtissue(&[
+            "import",
+            &text(&home),
+            "--out",
+            &text(&dir.join("fps")),
+            &format!("--fps={fps}"),
+            "--data-dir",
+            &text(&data_dir()),
+        ])
+        .refused(3, &["frames a second"]);
     }
 }
 
@@ -249,6 +279,15 @@ fn inspect_tells_what_a_thing_is() {
     let json = |path: &Path| -> serde_json::Value { serde_json::from_str(&said(path).fine().out).expect("JSON") };
     assert_eq!(json(&run.path)["what"], "run");
     assert_eq!(json(&run.path.join("bundle"))["what"], "bundle");
+    let scans = tiny_scans();
+    let made = scans.parent().expect("a parent");
+    assert_eq!(json(&scans)["what"], "scan set");
+    assert!(json(made)["what"].as_str().expect("a text").contains("generated scans"));
+    assert!(json(&made.join("truth"))["what"].as_str().expect("a text").contains("truth"));
+    // A broken list is named, and not taken for another kind of set.
+    let broken = folder("broken-set");
+    std::fs::write(broken.join("index.json"), r#"{"schema": 1, "kind": "scan"}"#).expect("a file");
+    said(&broken).refused(3, &["index.json", "vertex_count"]);
     let basis = json(&run.path.join("stages/basis.safetensors"));
     assert_eq!(basis["what"], "tensor file");
     let missing = run.path.join("missing");

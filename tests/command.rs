@@ -32,7 +32,14 @@ fn settings_print_check_and_explain() {
 fn a_dry_run_says_what_it_would_do_and_does_nothing() {
     let dir = folder("dry");
     let out = dir.join("run");
-    let said = softtissue(&["train", "--config", &tiny_config(&dir).display().to_string(), "--out", &out.display().to_string(), "--dry-run"]);
+    let said = softtissue(&[
+        "train",
+        "--config",
+        &tiny_config(&dir).display().to_string(),
+        "--out",
+        &out.display().to_string(),
+        "--dry-run",
+    ]);
     assert!(said.fine().out.contains("8 clips"), "{}", said.out);
     assert!(!out.exists());
 }

@@ -1,16 +1,21 @@
 //! The whole job on little data: what it leaves behind, and that training never looks at the truth.
 
-use crate::support::{Said, bytes_below, data_dir, folder, softtissue, tiny_run, tiny_train};
+use crate::support::{
+    Said, bytes_below, copy_below, copy_of_the_run, folder, measures, softtissue, tiny_run, tiny_scans, tiny_train,
+};
 use serde_json::Value;
+use softtissue_clips::{ClipId, ScanClip, ScanSet};
+use std::path::Path;
 
-fn json(path: &std::path::Path) -> Value {
+fn json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).expect("a file")).expect("JSON")
 }
 
 #[test]
 fn the_job_leaves_bundle_report_animation_and_measures() {
     let run = tiny_run();
-    for file in ["bundle/manifest.json", "bundle/model.safetensors", "report/index.html", "animation.glb", "log.jsonl"] {
+    for file in ["bundle/manifest.json", "bundle/model.safetensors", "report/index.html", "animation.glb", "log.jsonl"]
+    {
         assert!(run.path.join(file).metadata().expect(file).len() > 100, "{file}");
     }
     for word in ["report", "bundle", "animation", "soft ratio"] {
@@ -19,7 +24,9 @@ fn the_job_leaves_bundle_report_animation_and_measures() {
     let metrics = json(&run.path.join("metrics.json"));
     assert_eq!(metrics["schema"], 1);
     let methods = metrics["methods"].as_object().expect("methods");
-    for name in ["body", "mean", "ridge", "ar2-pooled", "ar2-subject", "resonators", "softtissue", "softtissue/without-gru"] {
+    for name in
+        ["body", "mean", "ridge", "ar2-pooled", "ar2-subject", "resonators", "softtissue", "softtissue/without-gru"]
+    {
         let error = methods[name]["regions"]["soft"]["mean_mm"].as_f64().expect(name);
         assert!(error.is_finite() && error > 0.0, "{name}: {error}");
     }
@@ -33,77 +40,85 @@ fn the_job_leaves_bundle_report_animation_and_measures() {
 #[test]
 fn training_never_opens_the_truth() {
     let run = tiny_run();
+    assert!(measures(&run.path).truth);
     // The same scans at another place, without their truth.
     let home = folder("without-truth");
-    let metrics = json(&run.path.join("metrics.json"));
-    assert_eq!(metrics["truth"], true);
-    let cache = std::fs::read_dir(data_dir().join("cache")).expect("cache").flatten().map(|e| e.path());
-    let scans = cache
-        .filter(|p| p.join("truth").exists() && p.join("synth.json").exists())
-        .find(|p| {
-            let recipe = json(&p.join("synth.json"));
-            recipe["config"]["motions"].as_array().is_some_and(|m| m.len() == 4) && recipe["config"]["frames"] == 48
-        })
-        .expect("the tiny scans");
-    let copy = home.join("data");
-    std::fs::create_dir_all(copy.join("cache")).expect("a folder");
-    for entry in std::fs::read_dir(data_dir().join("cache")).expect("cache").flatten() {
-        let name = entry.file_name();
-        if name.to_string_lossy().starts_with("body-") {
-            std::fs::copy(entry.path(), copy.join("cache").join(name)).expect("the body");
-        }
-    }
-    for (path, bytes) in bytes_below(&scans.join("scans")) {
-        let to = home.join("scans").join(path);
-        std::fs::create_dir_all(to.parent().expect("a parent")).expect("a folder");
-        std::fs::write(to, bytes).expect("a scan");
-    }
+    copy_below(&tiny_scans(), &home.join("scans"));
     let out = home.join("run");
     let mut command = tiny_train(&run.config, &out);
-    command.arg("--data").arg(home.join("scans")).arg("--no-eval").arg("--data-dir").arg(&copy);
+    command.arg("--data").arg(home.join("scans")).arg("--no-eval");
     Said::of(&command.output().expect("the command starts")).fine();
-    let model = |root: &std::path::Path| std::fs::read(root.join("bundle/model.safetensors")).expect("a model");
+    let model = |root: &Path| std::fs::read(root.join("bundle/model.safetensors")).expect("a model");
     assert_eq!(model(&out), model(&run.path), "the same scans teach the same bytes, truth or no truth");
+    let manifest = json(&out.join("bundle/manifest.json"));
+    assert_eq!(manifest["info"]["licence"], "unspecified", "nobody said whose scans these are");
+    assert_eq!(json(&run.path.join("bundle/manifest.json"))["info"]["licence"], "CC0-1.0");
 }
 
 #[test]
-fn eval_judges_again_and_agrees() {
+fn eval_judges_again_agrees_and_leaves_the_bundle_alone() {
     let run = tiny_run();
-    let home = folder("judged-again");
-    let copy = home.join("run");
-    for (path, bytes) in bytes_below(&run.path) {
-        let to = copy.join(path);
-        std::fs::create_dir_all(to.parent().expect("a parent")).expect("a folder");
-        std::fs::write(to, bytes).expect("a file");
-    }
+    let copy = copy_of_the_run("judged-again");
     std::fs::remove_file(copy.join("metrics.json")).expect("measures");
     softtissue(&["eval", &copy.display().to_string()]).fine();
-    let strip = |mut v: Value| {
-        for method in v["methods"].as_object_mut().expect("methods").values_mut() {
-            method.as_object_mut().expect("a method").remove("frames_per_second");
-        }
-        v
-    };
-    assert_eq!(strip(json(&copy.join("metrics.json"))), strip(json(&run.path.join("metrics.json"))));
+    assert_eq!(measures(&copy), measures(&run.path));
+    assert_eq!(bytes_below(&copy.join("bundle")), bytes_below(&run.path.join("bundle")));
+    assert_eq!(bytes_below(&copy.join("stages")), bytes_below(&run.path.join("stages")));
+    // What is not there is not made by the way.
+    std::fs::remove_file(copy.join("stages/regressor.safetensors")).expect("a stage");
+    softtissue(&["eval", &copy.display().to_string()]).refused(3, &["regressor.safetensors", "--resume"]);
+    std::fs::remove_file(copy.join("bundle/manifest.json")).expect("a manifest");
+    softtissue(&["eval", &copy.display().to_string()]).refused(3, &["no finished bundle", "--resume"]);
+}
+
+/// The bytes of a tensor file's arrays, without the header that names what they were made from.
+fn arrays(path: &Path) -> Vec<u8> {
+    let bytes = std::fs::read(path).expect("a tensor file");
+    let header = u64::from_le_bytes(bytes[..8].try_into().expect("a length")) as usize;
+    bytes[8 + header..].to_vec()
 }
 
 #[test]
-fn a_fold_is_trained_without_what_it_judges() {
+fn a_fold_learns_nothing_from_what_it_judges() {
     let run = tiny_run();
     let home = folder("folds");
-    let copy = home.join("run");
-    for (path, bytes) in bytes_below(&run.path) {
-        let to = copy.join(path);
-        std::fs::create_dir_all(to.parent().expect("a parent")).expect("a folder");
-        std::fs::write(to, bytes).expect("a file");
-    }
-    let copy = copy.display().to_string();
-    let said = softtissue(&["eval", &copy, "--protocol", "leave-one-sequence-out", "--folds", "s01/punching"]);
+    let fold = |name: &str, poison: bool| {
+        let scans = home.join(name).join("scans");
+        copy_below(&tiny_scans(), &scans);
+        let out = home.join(name).join("run");
+        let mut train = tiny_train(&run.config, &out);
+        train.arg("--data").arg(&scans).arg("--no-eval");
+        Said::of(&train.output().expect("the command starts")).fine();
+        if poison {
+            let path = ScanSet::scan_path(&scans, &ClipId::new("s01", "punching", 0));
+            let mut clip = ScanClip::read(&path).expect("a scan");
+            for t in 0..clip.vertices.len() {
+                clip.vertices.frame_mut(t).iter_mut().for_each(|p| *p *= 1e6);
+            }
+            clip.write(&path).expect("a scan");
+        }
+        let text = out.display().to_string();
+        let said = softtissue(&["eval", &text, "--protocol", "leave-one-sequence-out", "--folds", "s01/punching"]);
+        (out, said)
+    };
+    let (clean, said) = fold("clean", false);
     said.fine();
-    let metrics = json(&std::path::Path::new(&copy).join("metrics-leave-one-sequence-out.json"));
+    let metrics = json(&clean.join("metrics-leave-one-sequence-out.json"));
     assert_eq!(metrics["clips"].as_array().expect("clips").len(), 1);
     assert_eq!(metrics["clips"][0]["motion"], "punching");
-    softtissue(&["eval", &copy, "--protocol", "leave-one-sequence-out", "--folds", "dancing"]).refused(3, &["dancing"]);
+    // What judging says of scans a million times too large is of no interest here.
+    let (poisoned, said) = fold("poisoned", true);
+    let name = "leave-one-sequence-out/s01.punching";
+    for stage in ["basis", "ladder", "subspace-8", "subspace-16", "regressor"] {
+        let path = |out: &Path| out.join("stages").join(name).join(format!("{stage}.safetensors"));
+        assert!(path(&poisoned).exists(), "{stage}: {}", said.err);
+        assert!(arrays(&path(&poisoned)) == arrays(&path(&clean)), "{stage} saw the clip that was left out");
+    }
+    let model = |out: &Path| std::fs::read(out.join("folds").join(name).join("model.safetensors"));
+    assert!(model(&poisoned).expect("a model") == model(&clean).expect("a model"), "the bundle saw it");
+    let clean = clean.display().to_string();
+    softtissue(&["eval", &clean, "--protocol", "leave-one-sequence-out", "--folds", "dancing"])
+        .refused(3, &["dancing"]);
 }
 
 #[test]
@@ -112,10 +127,38 @@ fn a_bundle_animates_and_gain_zero_is_the_body_alone() {
     let home = folder("animated");
     let bundle = run.path.join("bundle").display().to_string();
     let to = |name: &str| home.join(name).display().to_string();
-    softtissue(&["animate", "--bundle", &bundle, "--motion", "synth:one_leg_jump", "--shape", "0,-2", "--frames", "20", "--out", &to("a.glb")]).fine();
+    softtissue(&[
+        "animate",
+        "--bundle",
+        &bundle,
+        "--motion",
+        "synth:one_leg_jump",
+        "--shape",
+        "0,-2",
+        "--frames",
+        "20",
+        "--out",
+        &to("a.glb"),
+    ])
+    .fine();
     assert!(std::fs::read(home.join("a.glb")).expect("a glTF").starts_with(b"glTF"));
     for (gain, name) in [("0", "still"), ("1", "soft")] {
-        softtissue(&["animate", "--bundle", &bundle, "--motion", "synth:one_leg_jump", "--shape", "0,-2", "--frames", "40", "--gain", gain, "--out", &to(name)]).fine();
+        softtissue(&[
+            "animate",
+            "--bundle",
+            &bundle,
+            "--motion",
+            "synth:one_leg_jump",
+            "--shape",
+            "0,-2",
+            "--frames",
+            "40",
+            "--gain",
+            gain,
+            "--out",
+            &to(name),
+        ])
+        .fine();
     }
     let last = |name: &str| std::fs::read(home.join(name).join("frame_00039.obj")).expect("a frame");
     assert_ne!(last("still"), last("soft"));

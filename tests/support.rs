@@ -1,5 +1,6 @@
 //! Running the command, and one small run that many tests look at.
 
+use softtissue_eval::Metrics;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -134,6 +135,35 @@ pub fn tiny_run() -> &'static TinyRun {
         assert_eq!(said.code, 0, "{}", said.err);
         TinyRun { path, config, said }
     })
+}
+
+/// Scans of [`TINY`], shared like the run, as `softtissue synth` says where they lie.
+pub fn tiny_scans() -> PathBuf {
+    let config = tiny_run().config.display().to_string();
+    let said = softtissue(&["synth", "--config", &config, "--data-dir", &data_dir().display().to_string()]);
+    let line = said.fine().out.lines().find(|l| l.contains(" clips: ")).expect("where the scans lie").to_owned();
+    PathBuf::from(line.split_once(": ").expect("a path").1)
+}
+
+/// Copies a folder with all that is below it.
+pub fn copy_below(from: &Path, to: &Path) {
+    for (path, bytes) in bytes_below(from) {
+        let to = to.join(path);
+        std::fs::create_dir_all(to.parent().expect("a parent")).expect("a folder");
+        std::fs::write(to, bytes).expect("a file");
+    }
+}
+
+/// A copy of the shared run for a test that changes it.
+pub fn copy_of_the_run(name: &str) -> PathBuf {
+    let copy = folder(name).join("run");
+    copy_below(&tiny_run().path, &copy);
+    copy
+}
+
+/// The measures of a run without what depends on the clock.
+pub fn measures(run: &Path) -> Metrics {
+    Metrics::read(&run.join("metrics.json")).expect("measures").without_times()
 }
 
 /// Every file below a folder with its bytes, sorted, paths relative.

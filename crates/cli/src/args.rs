@@ -47,13 +47,13 @@ pub struct Settings {
     /// `quick`, `smoke`, `full`, `softsmpl-paper`, or a TOML file; default `quick`.
     #[arg(long, value_name = "NAME|FILE")]
     pub config: Option<String>,
-    /// Override one setting, e.g. `--set regressor.steps=500`; always wins; may be repeated.
+    /// Override one setting, e.g. `--set regressor.training.steps=500`; always wins; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Where tensors live: `flex` (CPU), `ndarray`, `wgpu`; the last two need their feature.
     #[arg(long)]
     pub device: Option<String>,
-    /// The one number all random draws come from.
+    /// The one number all random draws come from, those of generated scans too unless `synth.seed` is set.
     #[arg(long)]
     pub seed: Option<u64>,
     /// Where generated and imported clips are kept [default: data].

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use softtissue_bundle::descriptor::{DescriptorConfig, FeatureKind};
-use softtissue_clips::SplitConfig;
+use softtissue_clips::{ClipId, Split, SplitConfig};
 use softtissue_fit::FitConfig;
 use softtissue_model::PcaConfig;
 use softtissue_model::linear::LadderConfig;
@@ -13,7 +13,7 @@ use softtissue_train::{LoopConfig, RegressorTraining, SubspaceTraining};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// The one number all random draws come from. Default 1.
+    /// The one number all random draws come from. Default 1. `synth.seed` follows it unless it is stated.
     pub seed: u64,
     /// Where tensors live: `flex`, `ndarray` or `wgpu`. Default `flex`.
     pub device: String,
@@ -141,43 +141,115 @@ impl Default for EvalConfig {
 }
 
 impl Config {
-    /// Refuses settings that cannot work together; the sentence says which and what to do.
+    /// Refuses settings that cannot work; the sentence says which and what to do.
     pub fn check(&self) -> Result<(), String> {
-        let rates = [
-            ("subspace.training.learning_rate", self.subspace.training.learning_rate),
-            ("regressor.training.learning_rate", self.regressor.training.learning_rate),
-        ];
-        for (key, rate) in rates {
+        softtissue_train::device::parse(&self.device).map_err(|e| e.to_string())?;
+        self.synth.check().map_err(|e| e.to_string())?;
+        self.split.check().map_err(|e| e.to_string())?;
+        self.fit.check().map_err(|e| e.to_string())?;
+        self.check_descriptor()?;
+        self.check_learning()?;
+        let most = 3600.0;
+        within("eval.bounded_seconds", f64::from(self.eval.bounded_seconds), 0.0..=most)
+    }
+
+    fn check_descriptor(&self) -> Result<(), String> {
+        let d = &self.descriptor;
+        if d.fps != self.synth.fps {
+            return Err(format!(
+                "descriptor.fps is {} but synth.fps is {}; set both to the rate of the clips",
+                d.fps, self.synth.fps
+            ));
+        }
+        within("descriptor.cutoff_hz", f64::from(d.cutoff_hz), 0.0..=1e4)?;
+        within("descriptor.look_ahead", d.look_ahead as f64, 0.0..=1000.0)?;
+        at_least_one("descriptor.modes", d.modes)
+    }
+
+    fn check_learning(&self) -> Result<(), String> {
+        let (subspace, regressor, ladder) = (&self.subspace, &self.regressor, &self.ladder);
+        let (ae, gru) = (&subspace.training, &regressor.training);
+        for (key, count) in [
+            ("subspace.pca.components", subspace.pca.components),
+            ("subspace.training.batch", ae.batch),
+            ("subspace.training.network.width", ae.network.width),
+            ("regressor.training.batch", gru.batch),
+            ("regressor.training.network.width", gru.network.width),
+            ("ladder.resonators.frame_stride", ladder.resonators.frame_stride),
+            ("train.keep_last", self.train.keep_last),
+        ] {
+            at_least_one(key, count)?;
+        }
+        for (key, rate) in [
+            ("subspace.training.learning_rate", ae.learning_rate),
+            ("regressor.training.learning_rate", gru.learning_rate),
+        ] {
             if !(rate.is_finite() && rate > 0.0 && rate <= 1.0) {
                 return Err(format!("{key} is {rate}; write a number above 0 and at most 1"));
             }
         }
-        if !self.subspace.sizes.contains(&self.regressor.latents) {
-            return Err(format!(
-                "regressor.latents is {}, which is none of subspace.sizes {:?}; add it there or choose one of them",
-                self.regressor.latents, self.subspace.sizes
-            ));
+        within("subspace.training.dropout", ae.dropout, 0.0..=0.99)?;
+        within("subspace.training.input_noise", ae.input_noise, 0.0..=1e3)?;
+        within("subspace.training.normal_weight", ae.normal_weight, 0.0..=1e9)?;
+        for (key, adam) in [("subspace.training.adam", &ae.adam), ("regressor.training.adam", &gru.adam)] {
+            within(&format!("{key}.beta_1"), adam.beta_1, 0.0..=1.0 - 1e-9)?;
+            within(&format!("{key}.beta_2"), adam.beta_2, 0.0..=1.0 - 1e-9)?;
+            within(&format!("{key}.epsilon"), adam.epsilon, 1e-300..=1.0)?;
         }
-        if self.subspace.sizes.iter().any(|s| *s == 0) {
+        for (key, strengths) in [
+            ("ladder.resonators.strengths", &ladder.resonators.strengths),
+            ("ladder.ar2.strengths", &ladder.ar2.strengths),
+        ] {
+            if strengths.is_empty() {
+                return Err(format!("{key} is empty; write one or more ridge strengths"));
+            }
+            strengths.iter().try_for_each(|s| within(key, *s, 0.0..=1e6))?;
+        }
+        if subspace.sizes.contains(&0) {
             return Err("subspace.sizes holds 0; a subspace has at least one number".into());
         }
-        if self.descriptor.fps != self.synth.fps {
+        if !subspace.sizes.contains(&regressor.latents) {
             return Err(format!(
-                "descriptor.fps is {} but synth.fps is {}; set both to the rate of the clips",
-                self.descriptor.fps, self.synth.fps
+                "regressor.latents is {}, which is none of subspace.sizes {:?}; add it there or choose one of them",
+                regressor.latents, subspace.sizes
             ));
         }
-        let eval = &self.eval;
-        if !(eval.bounded_seconds.is_finite() && (0.0..=3600.0).contains(&eval.bounded_seconds)) {
-            return Err(format!("eval.bounded_seconds is {}; write 0 to 3600", eval.bounded_seconds));
-        }
-        self.fit.check().map_err(|e| e.to_string())
+        Ok(())
     }
 
-    /// The name under which the learned method is reported: the published form, or ours.
-    pub fn method_name(&self) -> &'static str {
+    /// The split of the clips that the generator will make.
+    pub fn planned_split(&self) -> softtissue_clips::Result<Split> {
+        let synth = &self.synth;
+        let ids: Vec<ClipId> = (0..synth.bmi.len())
+            .flat_map(|s| {
+                synth
+                    .motions
+                    .iter()
+                    .flat_map(move |m| (0..synth.takes).map(move |t| ClipId::new(format!("s{s:02}"), m, t)))
+            })
+            .collect();
+        self.split.split(&ids)
+    }
+
+    /// The name under which the learned method is reported: the published form or ours, and how far it looks ahead.
+    pub fn method_name(&self) -> String {
         let published =
             self.descriptor.features == FeatureKind::Pose && self.regressor.shortcut == ShortcutKind::Linear;
-        if published { "softsmpl" } else { softtissue_eval::OURS }
+        let name = if published { "softsmpl" } else { softtissue_eval::OURS };
+        match self.descriptor.look_ahead {
+            0 => name.to_owned(),
+            frames => format!("{name}/look-ahead-{frames}"),
+        }
     }
+}
+
+fn within(key: &str, value: f64, range: std::ops::RangeInclusive<f64>) -> Result<(), String> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(format!("{key} is {value}; write {} to {}", range.start(), range.end()))
+}
+
+fn at_least_one(key: &str, count: usize) -> Result<(), String> {
+    if count == 0 { Err(format!("{key} is 0; write 1 or more")) } else { Ok(()) }
 }

@@ -15,7 +15,6 @@ use crate::args::{Cli, Verb};
 use crate::exit::{Exit, exit_of};
 use crate::signals::Signals;
 use clap::{CommandFactory, Parser};
-use softtissue_train::TrainError;
 use std::io::Write;
 use std::process::ExitCode;
 
@@ -68,8 +67,8 @@ fn run(verb: &Verb, signals: &Signals) -> anyhow::Result<()> {
 fn fail(error: &anyhow::Error, terminated: bool) -> ExitCode {
     let message: Vec<String> = error.chain().map(ToString::to_string).collect();
     let _ = writeln!(std::io::stderr(), "softtissue: {}", sentence(&message));
-    let stopped = error.chain().any(|c| matches!(c.downcast_ref(), Some(TrainError::Stopped { .. })));
-    ExitCode::from(if stopped && terminated { Exit::Terminated } else { exit_of(error) })
+    let exit = exit_of(error);
+    ExitCode::from(if exit == Exit::Interrupted && terminated { Exit::Terminated } else { exit })
 }
 
 /// Joins the causes, leaving out one whose text the one before already holds.

@@ -27,7 +27,7 @@ impl RunFolder {
             .into());
         }
         if resume && !has_run {
-            return Err(InputError(format!("{} holds no run to resume", root.display())).into());
+            return Err(InputError(format!("{} holds no run to resume; train without --resume", root.display())).into());
         }
         create_dir(root)?;
         let path = root.join("run.lock");
@@ -44,7 +44,26 @@ impl RunFolder {
             ))
             .into());
         }
-        Ok(Self { root: root.to_owned(), _lock: lock })
+        let folder = Self { root: root.to_owned(), _lock: lock };
+        folder.sweep();
+        Ok(folder)
+    }
+
+    /// Removes what a killed process left half-made: temporary files and the fits that are only compared.
+    fn sweep(&self) {
+        let _ = std::fs::remove_dir_all(self.objectives());
+        let mut waiting = vec![self.root.clone()];
+        while let Some(folder) = waiting.pop() {
+            for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+                let (path, kind) = (entry.path(), entry.file_type());
+                if kind.as_ref().is_ok_and(std::fs::FileType::is_dir) {
+                    waiting.push(path);
+                } else if kind.is_ok_and(|k| k.is_file()) && path.extension().is_some_and(|e| e == "tmp") {
+                    // A left-over costs disk, nothing else.
+                    let _ = std::fs::remove_file(path);
+                }
+            }
+        }
     }
 
     /// The folder.
@@ -58,6 +77,10 @@ impl RunFolder {
     /// The result of a stage.
     pub fn stage(&self, stage: &str) -> PathBuf {
         self.root.join("stages").join(format!("{stage}.safetensors"))
+    }
+    /// Fits with another objective, while they are compared.
+    pub fn objectives(&self) -> PathBuf {
+        self.root.join("stages").join("objectives")
     }
     /// The bundle.
     pub fn bundle(&self) -> PathBuf {

@@ -18,8 +18,9 @@ impl Signals {
         let signals = Self::default();
         for signal in [SIGINT, SIGTERM] {
             flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&signals.stop))?;
-            flag::register(signal, Arc::clone(&signals.stop))?;
+            // Which signal it was stands there before anybody sees that one came.
             flag::register_usize(signal, Arc::clone(&signals.last), signal as usize)?;
+            flag::register(signal, Arc::clone(&signals.stop))?;
         }
         Ok(signals)
     }

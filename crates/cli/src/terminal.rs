@@ -33,10 +33,6 @@ impl Terminal {
     pub fn new(signals: Signals, quiet: bool) -> Self {
         Self { signals, quiet, is_terminal: std::io::stderr().is_terminal(), part: Mutex::new(None) }
     }
-    /// The signals it listens to.
-    pub fn signals(&self) -> &Signals {
-        &self.signals
-    }
     fn part(&self) -> std::sync::MutexGuard<'_, Option<Part>> {
         self.part.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
@@ -45,6 +41,22 @@ impl Terminal {
 /// A closed pipe on standard error must not end the work.
 fn tell(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// Holds the work where `SOFTTISSUE_PAUSE_AT=PART:UNITS` says, until a signal comes, so that a test can send one at a
+/// known place. `PART:UNITS:deaf` goes on holding after the first signal. In builds for tests alone.
+#[cfg(debug_assertions)]
+fn wait_for_a_signal(part: &str, done: u64, signals: &Signals) {
+    let Ok(place) = std::env::var("SOFTTISSUE_PAUSE_AT") else { return };
+    let words: Vec<&str> = place.split(':').collect();
+    let [name, units, rest @ ..] = &words[..] else { return };
+    if *name != part || units.parse() != Ok(done) {
+        return;
+    }
+    let begun = Instant::now();
+    while (!rest.is_empty() || !signals.should_stop()) && begun.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
 }
 
 impl Monitor for Terminal {
@@ -70,6 +82,8 @@ impl Monitor for Terminal {
             part.bar.reset_eta();
         }
         part.bar.inc(units);
+        #[cfg(debug_assertions)]
+        wait_for_a_signal(&part.name, part.bar.position(), &self.signals);
         if !note.is_empty() {
             part.bar.set_message(note.to_owned());
         }

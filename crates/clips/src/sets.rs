@@ -2,7 +2,8 @@ use crate::{ClipError, ClipId, DeltaClip, MotionClip, Result, ScanClip};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use softtissue_geometry::Frames;
-use softtissue_store::{TensorFile, TensorFileWriter, read_json, write_json_atomic};
+use softtissue_store::{StoreError, TensorFile, TensorFileWriter, read_json, write_json_atomic};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// A clip in a set's list.
@@ -40,7 +41,68 @@ fn read_index(root: &Path, kind: &str) -> Result<Index> {
     if let Some(entry) = index.clips.iter().find(|c| !c.id.is_valid()) {
         return Err(bad(format!("its clip name {} holds characters that no file name may; rename it", entry.id)));
     }
+    if let Some(id) = twice(&index.clips) {
+        return Err(bad(format!("it lists {id} twice; make the set again")));
+    }
     Ok(index)
+}
+
+fn twice(clips: &[ClipEntry]) -> Option<&ClipId> {
+    let mut seen = BTreeSet::new();
+    clips.iter().map(|c| &c.id).find(|id| !seen.insert(*id))
+}
+
+/// Takes the list of a set away before its clips are replaced: a half-replaced set must not look finished.
+fn remove_index(root: &Path) -> Result<()> {
+    let path = root.join("index.json");
+    match std::fs::remove_file(&path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("replace", &path, e).into()),
+        _ => Ok(()),
+    }
+}
+
+/// Lists the clips of a set, sorted; the list is written last.
+fn finish(root: &Path, mut index: Index) -> Result<Index> {
+    if let Some(id) = twice(&index.clips) {
+        let reason = format!("two clips are named {id}; rename one");
+        return Err(ClipError::Bad { path: root.to_owned(), reason });
+    }
+    index.clips.sort_by(|a, b| a.id.cmp(&b.id));
+    write_json_atomic(&root.join("index.json"), &index)?;
+    Ok(index)
+}
+
+impl Index {
+    fn entry(&self, id: &ClipId, root: &Path) -> Result<&ClipEntry> {
+        let found = self.clips.iter().find(|c| c.id == *id);
+        found.ok_or_else(|| ClipError::NoClip { id: id.clone(), path: root.to_owned() })
+    }
+    /// Refuses a clip that is not the one the list speaks of; `points` where it has the set's vertices.
+    fn check(&self, root: &Path, path: PathBuf, found: ClipEntry, points: Option<usize>) -> Result<()> {
+        let listed = self.entry(&found.id, root)?;
+        let bad = |reason: String| Err(ClipError::Bad { path, reason });
+        if *listed != found {
+            return bad(format!(
+                "{} has {} frames at {} a second, but the set lists {} at {}; make the set again",
+                found.id, found.frames, found.fps, listed.frames, listed.fps
+            ));
+        }
+        match points {
+            Some(n) if n != self.vertex_count => {
+                bad(format!("{n} vertices, but the set has {}; make the set again", self.vertex_count))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A clip of another name than was asked for is not the one that the list speaks of.
+fn check_name(path: &Path, wanted: &ClipId, found: &ClipId) -> Result<()> {
+    if wanted == found {
+        return Ok(());
+    }
+    let reason = format!("it holds the clip {found}, expected {wanted}; make the set again");
+    Err(ClipError::Bad { path: path.to_owned(), reason })
 }
 
 /// Scans: a folder with `index.json` (written last), `scans/*.safetensors` and, where a rough pose channel
@@ -62,13 +124,15 @@ impl ScanSet {
         vertex_count: usize,
         topology: &str,
         provenance: serde_json::Value,
-        mut clips: Vec<ClipEntry>,
+        clips: Vec<ClipEntry>,
     ) -> Result<Self> {
-        clips.sort_by(|a, b| a.id.cmp(&b.id));
         let index =
             Index { schema: 1, kind: "scan".into(), vertex_count, topology: topology.into(), provenance, clips };
-        write_json_atomic(&root.join("index.json"), &index)?;
-        Ok(Self { root: root.to_owned(), index })
+        Ok(Self { root: root.to_owned(), index: finish(root, index)? })
+    }
+    /// Before clips are written into a folder that may hold a finished set: from now on it is unfinished.
+    pub fn begin(root: &Path) -> Result<()> {
+        remove_index(root)
     }
     /// Where a scan clip lies.
     pub fn scan_path(root: &Path, id: &ClipId) -> PathBuf {
@@ -110,33 +174,26 @@ impl ScanSet {
     }
     /// Reads a clip and checks it against the list.
     pub fn scan(&self, id: &ClipId) -> Result<ScanClip> {
-        self.entry(id)?;
+        self.index.entry(id, &self.root)?;
         let path = Self::scan_path(&self.root, id);
         let clip = ScanClip::read(&path)?;
-        if clip.vertices.points_per_frame() != self.index.vertex_count {
-            return Err(ClipError::Bad {
-                path,
-                reason: format!(
-                    "{} vertices, but the set has {}; make the set again",
-                    clip.vertices.points_per_frame(),
-                    self.index.vertex_count
-                ),
-            });
-        }
+        check_name(&path, id, &clip.id)?;
+        let found = ClipEntry { id: id.clone(), frames: clip.vertices.len(), fps: clip.fps };
+        self.index.check(&self.root, path, found, Some(clip.vertices.points_per_frame()))?;
         Ok(clip)
     }
     /// The rough pose channel of a clip, where the set has one.
     pub fn rough_motion(&self, id: &ClipId) -> Result<Option<MotionClip>> {
-        self.entry(id)?;
+        self.index.entry(id, &self.root)?;
         let path = Self::rough_path(&self.root, id);
-        if path.exists() { MotionClip::read(&path).map(Some) } else { Ok(None) }
-    }
-    fn entry(&self, id: &ClipId) -> Result<&ClipEntry> {
-        self.index
-            .clips
-            .iter()
-            .find(|c| c.id == *id)
-            .ok_or_else(|| ClipError::NoClip { id: id.clone(), path: self.root.clone() })
+        if !path.exists() {
+            return Ok(None);
+        }
+        let clip = MotionClip::read(&path)?;
+        check_name(&path, id, &clip.id)?;
+        let found = ClipEntry { id: id.clone(), frames: clip.len(), fps: clip.fps };
+        self.index.check(&self.root, path, found, None)?;
+        Ok(Some(clip))
     }
 }
 
@@ -238,12 +295,14 @@ impl FitSet {
         vertex_count: usize,
         topology: &str,
         provenance: serde_json::Value,
-        mut clips: Vec<ClipEntry>,
+        clips: Vec<ClipEntry>,
     ) -> Result<Self> {
-        clips.sort_by(|a, b| a.id.cmp(&b.id));
         let index = Index { schema: 1, kind: "fit".into(), vertex_count, topology: topology.into(), provenance, clips };
-        write_json_atomic(&root.join("index.json"), &index)?;
-        Ok(Self { root: root.to_owned(), index })
+        Ok(Self { root: root.to_owned(), index: finish(root, index)? })
+    }
+    /// Before clips are written into a folder that may hold a finished set: from now on it is unfinished.
+    pub fn begin(root: &Path) -> Result<()> {
+        remove_index(root)
     }
     /// Where the fitted motion of a clip lies.
     pub fn motion_path(root: &Path, id: &ClipId) -> PathBuf {
@@ -273,13 +332,25 @@ impl FitSet {
     pub fn topology(&self) -> &str {
         &self.index.topology
     }
-    /// Fitted motion of a clip.
+    /// Fitted motion of a clip, checked against the list.
     pub fn motion(&self, id: &ClipId) -> Result<MotionClip> {
-        MotionClip::read(&Self::motion_path(&self.root, id))
+        self.index.entry(id, &self.root)?;
+        let path = Self::motion_path(&self.root, id);
+        let clip = MotionClip::read(&path)?;
+        check_name(&path, id, &clip.id)?;
+        let found = ClipEntry { id: id.clone(), frames: clip.len(), fps: clip.fps };
+        self.index.check(&self.root, path, found, None)?;
+        Ok(clip)
     }
-    /// Scan deltas of a clip.
+    /// Scan deltas of a clip, checked against the list.
     pub fn deltas(&self, id: &ClipId) -> Result<DeltaClip> {
-        DeltaClip::read(&Self::delta_path(&self.root, id))
+        self.index.entry(id, &self.root)?;
+        let path = Self::delta_path(&self.root, id);
+        let clip = DeltaClip::read(&path)?;
+        check_name(&path, id, &clip.id)?;
+        let found = ClipEntry { id: id.clone(), frames: clip.deltas.len(), fps: clip.fps };
+        self.index.check(&self.root, path, found, Some(clip.deltas.points_per_frame()))?;
+        Ok(clip)
     }
     /// A fitted subject.
     pub fn subject(&self, name: &str) -> Result<FittedSubject> {

@@ -52,8 +52,8 @@ pub struct Split {
 }
 
 impl SplitConfig {
-    /// Sorts clips into parts. A motion or subject named in two parts, and an empty training part, are errors.
-    pub fn split(&self, clips: &[ClipId]) -> Result<Split> {
+    /// Refuses a motion or subject that is named in two parts.
+    pub fn check(&self) -> Result<()> {
         for (what, validation, test) in [
             ("motion", &self.validation_motions, &self.test_motions),
             ("subject", &self.validation_subjects, &self.test_subjects),
@@ -62,6 +62,12 @@ impl SplitConfig {
                 return Err(error(format!("{what} {both} is in both the validation and the test part; name it once")));
             }
         }
+        Ok(())
+    }
+
+    /// Sorts clips into parts. A motion or subject named in two parts, and an empty training part, are errors.
+    pub fn split(&self, clips: &[ClipId]) -> Result<Split> {
+        self.check()?;
         let part_of = |id: &ClipId| {
             if self.test_motions.contains(&id.motion) || self.test_subjects.contains(&id.subject) {
                 Part::Test

@@ -86,9 +86,8 @@ impl Lines<'_> {
         let mut words = words(rest);
         for x in &mut xyz {
             let word = words.next().ok_or("a vertex needs three numbers")?;
-            *x = text(word)
-                .parse()
-                .map_err(|_| format!("{:?} is no number (write decimals with a point)", text(word)))?;
+            let number = std::str::from_utf8(word).ok().and_then(|w| w.parse().ok());
+            *x = number.ok_or_else(|| format!("{:?} is no number (write decimals with a point)", text(word)))?;
             if !x.is_finite() {
                 return Err(format!("the coordinate {} is not finite; mend or drop the frame", text(word)));
             }
@@ -106,10 +105,11 @@ impl Lines<'_> {
             if corners.len() == self.limits.face_corners {
                 return Err(format!("a face of more than {} corners", self.limits.face_corners));
             }
-            let word = text(word);
+            let vertex = word.split(|b| *b == b'/').next().and_then(|w| std::str::from_utf8(w).ok());
             let index: i64 =
-                word.split('/').next().unwrap_or("").parse().map_err(|_| format!("{word:?} is no face corner"))?;
-            let resolved = if index < 0 { self.frame.positions.len() as i64 + index } else { index - 1 };
+                vertex.and_then(|w| w.parse().ok()).ok_or_else(|| format!("{:?} is no face corner", text(word)))?;
+            let resolved =
+                if index < 0 { (self.frame.positions.len() as i64).saturating_add(index) } else { index - 1 };
             match u32::try_from(resolved) {
                 Ok(i) => corners.push(i),
                 Err(_) => {
@@ -131,7 +131,7 @@ fn words(rest: &[u8]) -> impl Iterator<Item = &[u8]> {
     rest.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty())
 }
 
-/// At most 40 characters of a word, for messages and parsing of numbers.
+/// At most 40 bytes of a word, for messages.
 fn text(word: &[u8]) -> std::borrow::Cow<'_, str> {
     String::from_utf8_lossy(&word[..word.len().min(40)])
 }

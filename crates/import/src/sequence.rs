@@ -61,6 +61,7 @@ pub fn import_obj_sequences(
         ));
     }
     let sequences = find_sequences(source)?;
+    ScanSet::begin(out)?;
     monitor.begin("import", sequences.len() as u64, "clips");
     let template_edges: HashSet<[u32; 2]> = template.edges().into_iter().collect();
     let mut entries = Vec::new();
@@ -81,10 +82,22 @@ pub fn import_obj_sequences(
 }
 
 fn find_sequences(source: &Path) -> Result<Vec<(ClipId, PathBuf)>> {
-    let mut sequences = Vec::new();
+    let (mut sequences, mut seen) = (Vec::new(), HashSet::new());
     for (subject, folder) in folders(source)? {
         for (motion, folder) in folders(&folder)? {
-            let id = format!("{subject}/{motion}").parse::<ClipId>()?;
+            let id = format!("{subject}/{motion}").parse::<ClipId>().map_err(|_| {
+                ImportError::file(
+                    &folder,
+                    "its name and its subject's must be letters, digits, _ and -, with .TAKE at the end where there \
+                     are several; rename it",
+                )
+            })?;
+            if !seen.insert(id.clone()) {
+                return Err(ImportError::file(
+                    &folder,
+                    format!("it is a second clip named {id}; give it another take"),
+                ));
+            }
             sequences.push((id, folder));
         }
     }
@@ -176,9 +189,9 @@ fn check_height(path: &Path, vertices: &[Vec3]) -> Result<()> {
         return Ok(());
     }
     let hint = match height {
-        h if (40.0..=280.0).contains(&h) => "pass --units centimetres",
-        h if (400.0..=2800.0).contains(&h) => "pass --units millimetres",
-        _ => "coordinates are expected in metres with Y up; pass --units",
+        h if (40.0..=280.0).contains(&h) => "bring it in by `softtissue import --units centimetres`",
+        h if (400.0..=2800.0).contains(&h) => "bring it in by `softtissue import --units millimetres`",
+        _ => "coordinates are expected in metres with Y up; turn or scale it, or use `softtissue import --units`",
     };
     Err(ImportError::file(path, format!("the body is {height:.2} m tall: {hint}")))
 }

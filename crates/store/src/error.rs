@@ -1,3 +1,4 @@
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// What can go wrong between us and the disk. Each message is one sentence naming the file and the remedy.
@@ -38,10 +39,14 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    /// An I/O error at `path`; "not found" becomes [`StoreError::Missing`] when reading.
+    /// An I/O error at `path`. When reading, "not found" becomes [`StoreError::Missing`], and a folder in the place of
+    /// a file [`StoreError::Corrupt`]: neither is the disk's fault.
     pub fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
-        if action == "read" && source.kind() == std::io::ErrorKind::NotFound {
+        if action == "read" && source.kind() == ErrorKind::NotFound {
             return Self::Missing { path: path.to_owned() };
+        }
+        if action == "read" && matches!(source.kind(), ErrorKind::IsADirectory | ErrorKind::NotADirectory) {
+            return Self::corrupt(path, format!("{source}; check the path"));
         }
         Self::Io { action, path: path.to_owned(), source }
     }

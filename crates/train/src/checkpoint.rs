@@ -1,12 +1,14 @@
 use crate::{NamedArray, Result, State, TrainError};
 use serde::{Deserialize, Serialize};
-use softtissue_store::{DType, TensorFile, TensorFileWriter, read_json, sha256_file, write_json_atomic};
+use softtissue_store::{DType, StoreError, TensorFile, TensorFileWriter, read_json, sha256_file, write_json_atomic};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 const MANIFEST: &str = "manifest.json";
 const STATE: &str = "state.safetensors";
 const BEST: &str = "best.safetensors";
+/// What to do about a damaged checkpoint.
+const GO_ON: &str = "delete the folder to go on from the one before";
 
 /// What a checkpoint holds beside its arrays.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -49,7 +51,9 @@ impl CheckpointFolder {
 
     /// Writes a checkpoint, then removes all but the newest `keep_last`.
     pub fn save(&self, checkpoint: &Checkpoint) -> Result<PathBuf> {
-        let folder = self.root.join(format!("step-{:06}", checkpoint.steps_done));
+        let folder = self.path_of(checkpoint.steps_done);
+        // While its files are replaced, a folder must not look complete.
+        remove_manifest(&folder)?;
         let mut files = BTreeMap::new();
         let mut write = |name: &str, state: &State| -> Result<()> {
             let path = folder.join(name);
@@ -77,8 +81,7 @@ impl CheckpointFolder {
     /// The newest complete checkpoint. A folder without manifest was cut off while being written and is
     /// passed over; a complete one that is broken or of another run is an error.
     pub fn newest(&self) -> Result<Option<Checkpoint>> {
-        let complete = |p: &PathBuf| p.join(MANIFEST).exists();
-        match self.folders().into_iter().rfind(complete) {
+        match self.folders().into_iter().rfind(|f| is_complete(f)) {
             Some(folder) => self.load(&folder).map(Some),
             None => Ok(None),
         }
@@ -90,49 +93,75 @@ impl CheckpointFolder {
         let _ = std::fs::remove_dir_all(&self.root);
     }
 
+    /// Where the checkpoint after `steps_done` steps lies.
+    pub fn path_of(&self, steps_done: u64) -> PathBuf {
+        self.root.join(format!("step-{steps_done:06}"))
+    }
+
+    /// Complete and torn checkpoints, by steps.
     fn folders(&self) -> Vec<PathBuf> {
-        let mut folders: Vec<PathBuf> = std::fs::read_dir(&self.root)
+        let number = |path: &Path| path.file_name()?.to_str()?.strip_prefix("step-")?.parse::<u64>().ok();
+        let mut folders: Vec<(u64, PathBuf)> = std::fs::read_dir(&self.root)
             .into_iter()
             .flatten()
             .flatten()
-            .map(|e| e.path())
-            .filter(|p| p.file_name().is_some_and(|n| n.to_string_lossy().starts_with("step-")))
+            .filter_map(|e| number(&e.path()).map(|n| (n, e.path())))
             .collect();
         folders.sort();
-        folders
+        folders.into_iter().map(|(_, path)| path).collect()
     }
 
+    /// Removes torn checkpoints and all but the newest complete ones.
     fn prune(&self) {
-        let folders = self.folders();
-        for old in &folders[..folders.len().saturating_sub(self.keep_last)] {
-            // The manifest goes first, so that a half-removed folder is never taken for a whole one.
-            let _ = std::fs::remove_file(old.join(MANIFEST));
-            let _ = std::fs::remove_dir_all(old);
+        let (complete, torn): (Vec<PathBuf>, Vec<PathBuf>) = self.folders().into_iter().partition(|f| is_complete(f));
+        let old = &complete[..complete.len().saturating_sub(self.keep_last)];
+        for folder in old.iter().chain(&torn) {
+            // The manifest goes first, so that a half-removed folder is never taken for a whole one. What cannot be
+            // removed costs disk, nothing else.
+            let _ = remove_manifest(folder);
+            let _ = std::fs::remove_dir_all(folder);
         }
     }
 
     fn load(&self, folder: &Path) -> Result<Checkpoint> {
         let bad = |reason: String| TrainError::Checkpoint { path: folder.to_owned(), reason };
-        let manifest: Manifest = read_json(&folder.join(MANIFEST)).map_err(|e| bad(format!("{e}; delete the folder to go on from the one before")))?;
+        let manifest: Manifest = read_json(&folder.join(MANIFEST)).map_err(|e| bad(format!("{e}; {GO_ON}")))?;
         if manifest.schema != 1 {
             return Err(bad(format!("schema {} is not 1; resume with the version that wrote it", manifest.schema)));
         }
         if manifest.fingerprint != self.fingerprint {
-            return Err(bad("it was made with other settings, data or topology; resume with those or choose another --out".into()));
+            return Err(bad(
+                "it was made with other settings, data or topology; resume with those or choose another --out".into(),
+            ));
         }
-        for (name, hash) in &manifest.files {
-            if name != STATE && name != BEST {
-                return Err(bad(format!("it lists a strange file {name:?}; delete the folder to go on from the one before")));
-            }
-            if sha256_file(&folder.join(name))? != *hash {
-                return Err(bad(format!("{name} is damaged (its hash differs); delete the folder to go on from the one before")));
-            }
+        let best = manifest.best_step.zip(manifest.best_mm);
+        let expected: &[&str] = if best.is_some() { &[BEST, STATE] } else { &[STATE] };
+        if !manifest.files.keys().map(String::as_str).eq(expected.iter().copied()) {
+            let listed: Vec<&String> = manifest.files.keys().collect();
+            return Err(bad(format!("it lists {listed:?} and not {expected:?}; {GO_ON}")));
         }
-        let best = match (manifest.best_step, manifest.best_mm) {
-            (Some(step), Some(mm)) => Some((step, mm, read_state(&folder.join(BEST))?)),
-            _ => None,
+        let read = |name: &str| -> Result<State> {
+            let path = folder.join(name);
+            let found = sha256_file(&path).map_err(|e| bad(format!("{e}; {GO_ON}")))?;
+            if found != manifest.files[name] {
+                return Err(bad(format!("{name} is damaged (its hash differs); {GO_ON}")));
+            }
+            read_state(&path).map_err(|e| bad(format!("{e}; {GO_ON}")))
         };
-        Ok(Checkpoint { steps_done: manifest.steps_done, state: read_state(&folder.join(STATE))?, best })
+        let best = best.map(|(step, mm)| Ok::<_, TrainError>((step, mm, read(BEST)?))).transpose()?;
+        Ok(Checkpoint { steps_done: manifest.steps_done, state: read(STATE)?, best })
+    }
+}
+
+fn is_complete(folder: &Path) -> bool {
+    folder.join(MANIFEST).exists()
+}
+
+fn remove_manifest(folder: &Path) -> Result<()> {
+    let path = folder.join(MANIFEST);
+    match std::fs::remove_file(&path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("replace", &path, e).into()),
+        _ => Ok(()),
     }
 }
 
@@ -155,7 +184,10 @@ pub fn read_state(path: &Path) -> Result<State> {
     for name in file.names() {
         let (dtype, shape) = file.shape(name).expect("a listed name has a shape");
         if dtype == DType::F32 {
-            state.insert(name.to_owned(), NamedArray { name: name.to_owned(), shape: shape.to_vec(), data: file.f32(name)? });
+            state.insert(
+                name.to_owned(),
+                NamedArray { name: name.to_owned(), shape: shape.to_vec(), data: file.f32(name)? },
+            );
         }
     }
     Ok(state)

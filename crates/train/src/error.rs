@@ -17,7 +17,9 @@ pub enum TrainError {
     Body(#[from] BodyError),
     /// The loss left the finite numbers.
     #[error(
-        "{stage} diverged at step {step} (loss {loss}): the state of step {rolled_back_to} is saved; lower {stage}'s learning rate and resume"
+        "{stage} diverged at step {step} (loss {loss}) after the good state of step {rolled_back_to}; train again with a \
+         lower {}.training.learning_rate into another --out",
+        section(stage)
     )]
     Diverged {
         /// Which stage.
@@ -51,4 +53,23 @@ pub enum TrainError {
     /// The numerics refused (too few frames, singular system, device without a feature, ...).
     #[error("{0}")]
     Numeric(String),
+}
+
+/// The section of the settings that a stage is of: `subspace` for `fold/subspace-25`.
+fn section(stage: &str) -> &str {
+    let name = stage.rsplit('/').next().unwrap_or(stage);
+    name.split('-').next().unwrap_or(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn divergence_names_the_setting_to_lower() {
+        let diverged =
+            |stage: &str| TrainError::Diverged { stage: stage.into(), step: 3, loss: f64::NAN, rolled_back_to: 0 };
+        assert!(diverged("a.b/subspace-25").to_string().contains("lower subspace.training.learning_rate"));
+        assert!(diverged("regressor").to_string().contains("lower regressor.training.learning_rate"));
+    }
 }

@@ -2,7 +2,7 @@ use crate::{EventWriter, Result, StepStats};
 use serde_json::{Value, json};
 use softtissue_store::{StoreError, write_atomic};
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Instant;
@@ -21,19 +21,32 @@ impl RunLog {
         let path = run.join("log.jsonl");
         let file =
             OpenOptions::new().create(true).append(true).open(&path).map_err(|e| StoreError::io("write", &path, e))?;
-        Ok(Self { path, file: Mutex::new(file), events: Mutex::new(EventWriter::create(&run.join("tensorboard"))?), start: Instant::now() })
+        drop_torn_line(&path, &file).map_err(|e| StoreError::io("write", &path, e))?;
+        Ok(Self {
+            path,
+            file: Mutex::new(file),
+            events: Mutex::new(EventWriter::create(&run.join("tensorboard"))?),
+            start: Instant::now(),
+        })
     }
 
-    /// Drops a stage's lines at and after `step`: they will be written again after a resume.
-    pub fn rewind(&self, stage: &str, step: u64) -> Result<()> {
+    /// Drops the lines of a stage that will be written again when it goes on after `steps_done` steps: later steps and
+    /// later validations. The validation after exactly `steps_done` steps stays where it is `validated` already.
+    pub fn rewind(&self, stage: &str, steps_done: u64, validated: bool) -> Result<()> {
         let mut file = self.file.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let old = File::open(&self.path).map_err(|e| StoreError::io("read", &self.path, e))?;
-        let keep = |line: &String| match serde_json::from_str::<Value>(line) {
-            Ok(v) => v["stage"] != stage || v["step"].as_u64().is_none_or(|s| s < step),
-            Err(_) => false,
+        let text = std::fs::read(&self.path).map_err(|e| StoreError::io("read", &self.path, e))?;
+        let text = String::from_utf8_lossy(&text);
+        let keep = |line: &&str| {
+            let Ok(line) = serde_json::from_str::<Value>(line) else { return false };
+            let Some(step) = line["step"].as_u64().filter(|_| line["stage"] == stage) else { return true };
+            let is_validation = line.get("validation_mm").is_some();
+            step < steps_done || (is_validation && validated && step == steps_done)
         };
-        let lines: Vec<String> = BufReader::new(old).lines().map_while(std::io::Result::ok).filter(keep).collect();
-        write_atomic(&self.path, |w| lines.iter().try_for_each(|line| writeln!(w, "{line}")))?;
+        let kept: Vec<&str> = text.lines().filter(keep).collect();
+        if kept.len() == text.lines().count() {
+            return Ok(());
+        }
+        write_atomic(&self.path, |w| kept.iter().try_for_each(|line| writeln!(w, "{line}")))?;
         *file = OpenOptions::new().append(true).open(&self.path).map_err(|e| StoreError::io("write", &self.path, e))?;
         Ok(())
     }
@@ -58,7 +71,13 @@ impl RunLog {
         self.write(line, "", 0, [])
     }
 
-    fn write(&self, mut line: Value, stage: &str, step: u64, scalars: impl IntoIterator<Item = (&'static str, f64)>) -> Result<()> {
+    fn write(
+        &self,
+        mut line: Value,
+        stage: &str,
+        step: u64,
+        scalars: impl IntoIterator<Item = (&'static str, f64)>,
+    ) -> Result<()> {
         line["elapsed_s"] = json!((self.start.elapsed().as_secs_f64() * 1e3).round() / 1e3);
         let mut text = line.to_string();
         text.push('\n');
@@ -70,4 +89,11 @@ impl RunLog {
         }
         Ok(())
     }
+}
+
+/// A last line without its end was cut off by a crash; the next line must not be glued to it.
+fn drop_torn_line(path: &Path, file: &File) -> std::io::Result<()> {
+    let text = std::fs::read(path)?;
+    let whole = text.iter().rposition(|b| *b == b'\n').map_or(0, |at| at + 1);
+    if whole < text.len() { file.set_len(whole as u64) } else { Ok(()) }
 }

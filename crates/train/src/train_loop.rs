@@ -45,16 +45,24 @@ pub fn train_to_end(
 ) -> Result<Finished> {
     let mut run = match folder.newest()? {
         Some(checkpoint) => {
-            trainee.load_state(&checkpoint.state)?;
-            log.rewind(stage, checkpoint.steps_done)?;
+            let path = folder.path_of(checkpoint.steps_done);
+            let unfit = |e: TrainError| TrainError::Checkpoint { path, reason: format!("{e}; choose another --out") };
+            trainee.load_state(&checkpoint.state).map_err(unfit)?;
             checkpoint
         }
         None => Checkpoint { steps_done: 0, state: snapshot(trainee), best: None },
     };
+    log.rewind(stage, run.steps_done, run.best.is_some())?;
     monitor.begin(stage, steps, "steps");
     monitor.advance(run.steps_done, "");
     if run.best.is_none() {
         validate(stage, trainee, &mut run, log)?;
+        let (_, start, _) = run.best.as_ref().expect("the first validation is the best so far");
+        if !start.is_finite() {
+            monitor.end();
+            let step = run.steps_done;
+            return Err(TrainError::Diverged { stage: stage.into(), step, loss: *start, rolled_back_to: step });
+        }
     }
     while run.steps_done < steps {
         if monitor.should_stop() {

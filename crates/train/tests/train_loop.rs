@@ -104,7 +104,10 @@ fn damaged_and_foreign_checkpoints_are_refused() {
     for broken in [flipped, bytes[..bytes.len() - 1].to_vec(), [&bytes[..], b"x"].concat()] {
         std::fs::write(&state, broken).unwrap();
         let refused = run(dir.path(), &mut toy(), "a", &Silent).unwrap_err();
-        assert!(matches!(refused, TrainError::Checkpoint { .. }) && refused.to_string().contains("damaged"), "{refused}");
+        assert!(
+            matches!(refused, TrainError::Checkpoint { .. }) && refused.to_string().contains("damaged"),
+            "{refused}"
+        );
     }
 }
 

@@ -1,6 +1,6 @@
 //! Principal components of the training clips' scan deltas, mirrored clips included.
 
-use super::context::{Context, Place};
+use super::context::{Context, Place, damaged};
 use anyhow::Result;
 use softtissue_body::BodyModel;
 use softtissue_bundle::DeltaBasis;
@@ -39,37 +39,50 @@ impl FrameSource for TrainingDeltas<'_> {
 /// Learns the basis, or takes it from where an earlier attempt left it.
 pub fn learn_basis(context: &Context, place: &Place, body: &BodyModel, fit: &FitSet, split: &Split) -> Result<Pca> {
     let path = context.run.stage(&place.stage("basis"));
-    if path.exists() {
-        return read(&path);
+    if context.has(&path)? {
+        let file = TensorFile::open(&path)?;
+        place.check(&path, file.require_meta("fingerprint")?)?;
+        return read(&file, 3 * fit.vertex_count())?
+            .ok_or_else(|| damaged(&path, "its arrays do not fit together".into()));
     }
     let config = &context.config.subspace;
     let source = TrainingDeltas { fit, body, clips: &split.train, mirror: config.mirror };
     let mut draws = Draws::new(context.config.seed, &place.stage("basis"), 0, 0);
     let pca = Pca::fit(&source, &config.pca, &mut draws, context.monitor)?;
-    write(&pca, &path)?;
+    write(&pca, &place.fingerprint, &path)?;
     Ok(pca)
 }
 
-fn write(pca: &Pca, path: &Path) -> Result<()> {
+fn write(pca: &Pca, fingerprint: &str, path: &Path) -> Result<()> {
     let (k, width) = (pca.basis.directions.rows(), pca.basis.directions.cols());
     let mut file = TensorFileWriter::new();
     file.f32("mean", &[width], &pca.basis.mean).f32("directions", &[k, width], pca.basis.directions.data());
     file.f32("coefficient_mean", &[pca.basis.coefficient_mean.len()], &pca.basis.coefficient_mean);
     file.f64("variances", &[k], &pca.variances).f64("total_variance", &[1], &[pca.total_variance]);
-    file.meta("frames", pca.frames.to_string());
+    file.meta("frames", pca.frames.to_string()).meta("fingerprint", fingerprint);
     Ok(file.write(path)?)
 }
 
-fn read(path: &Path) -> Result<Pca> {
-    let file = TensorFile::open(path)?;
+/// The basis in a file, or `None` where its arrays are not `[K, width]`, `[width]` and `[K]`.
+fn read(file: &TensorFile, width: usize) -> Result<Option<Pca>> {
     let shape = file.require_shape("directions", 2)?.to_vec();
-    let directions = softtissue_bundle::Matrix::new(shape[0], shape[1], file.f32("directions")?);
-    Ok(Pca {
+    let vectors = [("mean", width), ("coefficient_mean", shape[0]), ("variances", shape[0]), ("total_variance", 1)];
+    for (name, length) in vectors {
+        if file.require_shape(name, 1)? != [length] {
+            return Ok(None);
+        }
+    }
+    let Ok(frames) = file.require_meta("frames")?.parse() else { return Ok(None) };
+    if shape[1] != width {
+        return Ok(None);
+    }
+    let directions = softtissue_bundle::Matrix::new(shape[0], width, file.f32("directions")?);
+    Ok(Some(Pca {
         basis: DeltaBasis { mean: file.f32("mean")?, directions, coefficient_mean: file.f32("coefficient_mean")? },
         variances: file.f64("variances")?,
-        total_variance: file.f64("total_variance")?.first().copied().unwrap_or(0.0),
-        frames: file.require_meta("frames")?.parse().unwrap_or(0),
-    })
+        total_variance: file.f64("total_variance")?[0],
+        frames,
+    }))
 }
 
 /// Coefficients `[T, K]` of a clip, mirrored if asked for.

@@ -9,7 +9,7 @@ use serde_json::json;
 use softtissue_monitor::Monitor;
 use softtissue_store::sha256_bytes;
 use softtissue_train::{CheckpointFolder, LoopConfig, RunLog, State, TrainError, Trainee, train_to_end};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -27,6 +27,8 @@ pub struct Context<'a> {
     pub log: RunLog,
     /// Generated and imported clips.
     pub data_dir: PathBuf,
+    /// Whether stages without a result may be learned; otherwise a missing one is an error.
+    pub learns: bool,
     /// Seconds by stage.
     times: Mutex<Vec<(String, f64)>>,
 }
@@ -38,6 +40,8 @@ pub struct Place {
     pub prefix: String,
     /// Names configuration, data and split.
     pub fingerprint: String,
+    /// Where the scans came from.
+    pub scans: serde_json::Value,
 }
 
 impl Place {
@@ -45,6 +49,21 @@ impl Place {
     pub fn stage(&self, name: &str) -> String {
         if self.prefix.is_empty() { name.to_owned() } else { format!("{}/{name}", self.prefix) }
     }
+
+    /// Refuses the result of a stage that was made from something else.
+    pub fn check(&self, path: &Path, fingerprint: &str) -> Result<()> {
+        if fingerprint == self.fingerprint {
+            return Ok(());
+        }
+        let reason = "it was made with other settings, data or topology; choose another --out".into();
+        Err(TrainError::Checkpoint { path: path.to_owned(), reason }.into())
+    }
+}
+
+/// The result of a stage that cannot be read back.
+pub fn damaged(path: &Path, reason: String) -> anyhow::Error {
+    let reason = format!("{reason}; delete it and go on with `softtissue train --resume`");
+    TrainError::Checkpoint { path: path.to_owned(), reason }.into()
 }
 
 impl<'a> Context<'a> {
@@ -52,7 +71,16 @@ impl<'a> Context<'a> {
     pub fn new(config: &'a Config, monitor: &'a dyn Monitor, run: &'a RunFolder, data_dir: PathBuf) -> Result<Self> {
         let device = softtissue_train::device::parse(&config.device)?;
         let log = RunLog::open(run.root())?;
-        Ok(Self { config, device, monitor, run, log, data_dir, times: Mutex::default() })
+        Ok(Self { config, device, monitor, run, log, data_dir, learns: true, times: Mutex::default() })
+    }
+
+    /// Whether a stage's result is there. Where nothing may be learned, it must be.
+    pub fn has(&self, result: &Path) -> Result<bool> {
+        if result.exists() || self.learns {
+            return Ok(result.exists());
+        }
+        let message = format!("{} is missing: finish the run with `softtissue train --resume` first", result.display());
+        Err(InputError(message).into())
     }
 
     /// Runs a stage and keeps its time. A stop request ends the run between stages.
@@ -79,17 +107,15 @@ impl<'a> Context<'a> {
     pub fn train(&self, place: &Place, name: &str, trainee: &mut dyn Trainee, steps: u64) -> Result<(u64, f64)> {
         let stage = place.stage(name);
         let result = self.run.stage(&stage);
-        if result.exists() {
+        if self.has(&result)? {
             let file = softtissue_store::TensorFile::open(&result)?;
-            if file.require_meta("fingerprint")? != place.fingerprint {
-                let reason = "it was made with other settings, data or topology; choose another --out".into();
-                return Err(TrainError::Checkpoint { path: result, reason }.into());
-            }
+            place.check(&result, file.require_meta("fingerprint")?)?;
             let number = |key: &str| file.require_meta(key).ok().and_then(|t| t.parse::<f64>().ok());
             let (Some(step), Some(mm)) = (number("best_step"), number("best_mm")) else {
-                return Err(InputError(format!("{} is damaged; delete it and resume", result.display())).into());
+                return Err(damaged(&result, "its best step is missing".into()));
             };
-            trainee.load_state(&softtissue_train::read_state(&result)?)?;
+            let state = softtissue_train::read_state(&result)?;
+            trainee.load_state(&state).map_err(|e| damaged(&result, e.to_string()))?;
             return Ok((step as u64, mm));
         }
         let config: &LoopConfig = &self.config.train;

@@ -7,7 +7,7 @@ use super::probes::stop_probes;
 use super::scans::Scans;
 use anyhow::Result;
 use softtissue_body::BodyModel;
-use softtissue_bundle::{DeltaBasis, Decoder, Encoder, Linear, Matrix, Subspace};
+use softtissue_bundle::{Decoder, DeltaBasis, Encoder, Linear, Matrix, Subspace};
 use softtissue_clips::{ClipId, FitSet, Split};
 use softtissue_eval::{
     CodecPair, DecayTrace, LongRollout, Method, Metrics, Scene, Tally, acceptance, judge, judge_bounded, judge_fit,
@@ -41,14 +41,15 @@ pub fn judge_run(
     let mut methods: Vec<&dyn Method> = vec![&ours];
     methods.extend(learned.ablations.iter().map(|m| m as &dyn Method));
     methods.extend(learned.ladder.iter().map(|m| m as &dyn Method));
-    let clips = if split.test.is_empty() { &split.train } else { &split.test };
+    let clips = &split.test;
 
     let mut tally = Tally::default();
     context.timed("judge: test clips", || Ok(judge(&mut tally, &scene, &methods, clips, None, context.monitor)?))?;
     let mut metrics = tally.metrics("held-out", context.config.seed);
     metrics.subspace = context.timed("judge: subspaces", || judge_codecs(&scene, learned, clips, context))?;
     metrics.fit = context.timed("judge: fit", || Ok(judge_fit(&scene, &all(split), context.monitor)?))?;
-    metrics.fit_objectives = context.timed("judge: fit objectives", || scans.compare_objectives(context, body, split, &scene))?;
+    metrics.fit_objectives =
+        context.timed("judge: fit objectives", || scans.compare_objectives(context, body, split, &scene))?;
     if context.config.eval.bounded_seconds > 0.0 {
         context.timed("judge: long rollout", || bounded(&mut metrics, &scene, split, &ours, context))?;
     }
@@ -78,7 +79,12 @@ fn judge_codecs(
         .subspaces
         .values()
         .map(|s| {
-            (s.latents as u32, SubspaceCodec(linear(basis, s.latents)), SubspaceCodec(s.to_plain(basis)), s.best_step > 0)
+            (
+                s.latents as u32,
+                SubspaceCodec(linear(basis, s.latents)),
+                SubspaceCodec(s.to_plain(basis)),
+                s.best_step > 0,
+            )
         })
         .collect();
     let pairs: Vec<CodecPair> = codecs

@@ -1,8 +1,9 @@
 //! The closed-form baselines.
 
 use super::bundle::LadderMethod;
-use super::context::{Context, Place};
+use super::context::{Context, Place, damaged};
 use super::motions::training_clips;
+use crate::config::ShortcutKind;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use softtissue_body::BodyModel;
@@ -11,18 +12,19 @@ use softtissue_bundle::descriptor::Descriptor;
 use softtissue_clips::{FitSet, Split};
 use softtissue_model::TrainingClip;
 use softtissue_model::linear::{FeatureSet, Ladder, dyna_descriptor};
-use softtissue_store::{read_json, write_json_atomic};
+use softtissue_store::{read_json, sha256_file, write_json_atomic};
 use softtissue_train::Clips;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What validation said of each rung.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-struct Scores {
-    /// Ridge strength of the resonators, which the regressor's shortcut takes over.
+/// What stands beside the ladder's arrays, written after them.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Fitted {
+    /// Names configuration, data and split.
+    fingerprint: String,
+    /// SHA-256 of the arrays.
+    sha256: String,
+    /// Ridge strength of the rung that is the regressor's shortcut.
     shortcut_strength: f64,
-    /// Soft ratio and energy ratio on validation clips by rung.
-    validation: BTreeMap<String, [f64; 2]>,
 }
 
 /// Fits the ladder, or takes it from where an earlier attempt left it. Also returns the ridge strength that
@@ -39,9 +41,14 @@ pub fn learn_ladder(
     clips: &Clips<Vec<TrainingClip>>,
 ) -> Result<(Vec<LadderMethod>, f64)> {
     let path = context.run.stage(&place.stage("ladder"));
-    let scores_path = path.with_extension("json");
-    let (ladder, scores) = if path.exists() && scores_path.exists() {
-        (Ladder::read(&path)?, read_json(&scores_path)?)
+    let fitted_path = path.with_extension("json");
+    let (ladder, strength) = if context.has(&fitted_path)? {
+        let fitted: Fitted = read_json(&fitted_path)?;
+        place.check(&fitted_path, &fitted.fingerprint)?;
+        if sha256_file(&path)? != fitted.sha256 {
+            return Err(damaged(&fitted_path, "its arrays have another hash".into()));
+        }
+        (Ladder::read(&path)?, fitted.shortcut_strength)
     } else {
         let dyna = Descriptor::new(&dyna_descriptor(descriptor.config()), body, None)?;
         let dyna_clips = |ids, mirrored| training_clips(ids, body, fit, basis, &dyna, mirrored);
@@ -59,17 +66,17 @@ pub fn learn_ladder(
         };
         let other =
             FeatureSet { descriptor: dyna.config(), blocks: dyna.blocks(), train: &train, validation: &validation };
-        let (ladder, fitted) = Ladder::fit(&context.config.ladder, basis, body, own, other)?;
-        let mut scores = Scores::default();
-        for rung in fitted {
-            if rung.name == "resonators" {
-                scores.shortcut_strength = rung.strength.unwrap_or_default();
-            }
-            scores.validation.insert(rung.name, [rung.score.ratio(), rung.score.energy()]);
-        }
+        let (ladder, scores) = Ladder::fit(&context.config.ladder, basis, body, own, other)?;
+        let shortcut = match context.config.regressor.shortcut {
+            ShortcutKind::Resonators => "resonators",
+            ShortcutKind::Linear => "ridge",
+        };
+        let strength = scores.iter().find(|s| s.name == shortcut).and_then(|s| s.strength);
+        let shortcut_strength = strength.expect("the ladder has both readouts, each with a strength");
         ladder.write(&path)?;
-        write_json_atomic(&scores_path, &scores)?;
-        (ladder, scores)
+        let fitted = Fitted { fingerprint: place.fingerprint.clone(), sha256: sha256_file(&path)?, shortcut_strength };
+        write_json_atomic(&fitted_path, &fitted)?;
+        (ladder, shortcut_strength)
     };
     let ladder = Arc::new(ladder);
     let methods = ladder
@@ -77,5 +84,5 @@ pub fn learn_ladder(
         .iter()
         .map(|m| LadderMethod { name: m.name.clone(), ladder: Arc::clone(&ladder), body: Arc::clone(body) })
         .collect();
-    Ok((methods, scores.shortcut_strength))
+    Ok((methods, strength))
 }

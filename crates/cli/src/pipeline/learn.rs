@@ -40,8 +40,16 @@ const SELF_CHECK_FRAMES: usize = 24;
 /// Vertices that the self-check keeps.
 const SELF_CHECK_VERTICES: usize = 64;
 
-/// Learns all of it; stages that are finished already are taken from the run folder.
-pub fn learn(context: &Context, place: &Place, body: &Arc<BodyModel>, fit: &FitSet, split: &Split, bundle_dir: &Path) -> Result<Learned> {
+/// Learns all of it; stages that are finished already are taken from the run folder. Where the context may not learn,
+/// everything is taken from there, the bundle too.
+pub fn learn(
+    context: &Context,
+    place: &Place,
+    body: &Arc<BodyModel>,
+    fit: &FitSet,
+    split: &Split,
+    bundle_dir: &Path,
+) -> Result<Learned> {
     let config = context.config;
     let pca = context.timed(&place.stage("principal components"), || learn_basis(context, place, body, fit, split))?;
     let subspaces = learn_subspaces(context, place, body, fit, split, &pca)?;
@@ -85,15 +93,16 @@ pub fn learn(context: &Context, place: &Place, body: &Arc<BodyModel>, fit: &FitS
 
     let mut bundle = Bundle {
         info: BundleInfo {
-            method: config.method_name().into(),
+            method: config.method_name(),
             licence: config.licence.clone(),
             provenance: json!({
                 "program": format!("softtissue {}", env!("CARGO_PKG_VERSION")),
-                "fingerprint": place.fingerprint, "seed": config.seed,
+                "fingerprint": place.fingerprint, "seed": config.seed, "scans": place.scans,
                 "trained_on": split.train.iter().map(ToString::to_string).collect::<Vec<_>>(),
                 "selected_on": split.validation.iter().map(ToString::to_string).collect::<Vec<_>>(),
             }),
-            measured: json!({"validation_mm": regressor.best_mm}),
+            // An error on clips that training has seen is none to ship.
+            measured: if split.validation.is_empty() { json!({}) } else { json!({"validation_mm": regressor.best_mm}) },
             largest_delta_m: largest_delta(fit, split)?,
         },
         body: (**body).clone(),
@@ -109,7 +118,12 @@ pub fn learn(context: &Context, place: &Place, body: &Arc<BodyModel>, fit: &FitS
     bundle.self_check =
         SelfCheck::record(&bundle, &beta, &motion.rotations, &motion.translations, SELF_CHECK_VERTICES)?;
     context.timed(&place.stage("bundle"), || {
-        bundle.write(bundle_dir).context("the bundle cannot be written")?;
+        if context.learns {
+            bundle.write(bundle_dir).context("the bundle cannot be written")?;
+        } else {
+            // What is judged is what was shipped.
+            bundle = Bundle::read(bundle_dir)?;
+        }
         Ok(())
     })?;
     let ablations = ablations(&bundle);

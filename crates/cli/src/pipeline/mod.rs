@@ -19,7 +19,7 @@ mod subspaces;
 pub use body::load_body;
 pub use bundle::BundleMethod;
 pub use context::Context;
-pub use job::{Prepared, fold, prepare};
+pub use job::{Opened, Prepared, fold, needs_test_clips, open, prepare};
 pub use judge::{Judgement, heaviest, judge_run};
 pub use learn::{Learned, learn};
 pub use report::write_report;

@@ -17,7 +17,13 @@ const STILL: f32 = 2.0;
 
 /// The probes of the heaviest subjects, for generated scans; none for scans of real people, whose flesh cannot be
 /// asked.
-pub fn stop_probes(context: &Context, body: &BodyModel, fit: &FitSet, split: &Split, generated: bool) -> Result<Vec<StopProbe>> {
+pub fn stop_probes(
+    context: &Context,
+    body: &BodyModel,
+    fit: &FitSet,
+    split: &Split,
+    generated: bool,
+) -> Result<Vec<StopProbe>> {
     let wanted = context.config.eval.decay_subjects;
     if !generated || wanted == 0 {
         return Ok(vec![]);

@@ -7,14 +7,20 @@ use super::judge::{Judgement, heaviest};
 use super::learn::Learned;
 use anyhow::Result;
 use softtissue_clips::ClipId;
-use softtissue_eval::report::{ReportInput, StageTime, TrainingCurve, playback, write};
 use softtissue_eval::Scene;
+use softtissue_eval::report::{ReportInput, StageTime, TrainingCurve, playback, write};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::sync::Arc;
 
 /// Writes `report/index.html`.
-pub fn write_report(context: &Context, title: &str, job: &Prepared, learned: &Learned, judgement: &Judgement) -> Result<()> {
+pub fn write_report(
+    context: &Context,
+    title: &str,
+    job: &Prepared,
+    learned: &Learned,
+    judgement: &Judgement,
+) -> Result<()> {
     let truth = job.scans.open_truth()?;
     let scene = Scene { body: &job.body, fit: &job.fit, scans: Some(&job.scans.set), truth: truth.as_ref() };
     let ours = BundleMethod { name: learned.bundle.info.method.clone(), bundle: Arc::clone(&learned.bundle) };
@@ -39,7 +45,7 @@ pub fn write_report(context: &Context, title: &str, job: &Prepared, learned: &Le
 
 /// Test clips of the heaviest subjects first: there the flesh is seen to move.
 fn shown(job: &Prepared, count: usize) -> Result<Vec<ClipId>> {
-    let mut left = if job.split.test.is_empty() { job.split.train.clone() } else { job.split.test.clone() };
+    let mut left = job.split.test.clone();
     let mut clips = Vec::new();
     while clips.len() < count {
         let Some(next) = heaviest(&job.fit, &left)? else { break };
@@ -61,13 +67,19 @@ fn facts(context: &Context, job: &Prepared, learned: &Learned) -> Vec<(String, S
         ("subjects", job.scans.set.subjects().len().to_string()),
         ("clips", format!("{} train, {} select, {} test", split.train.len(), split.validation.len(), split.test.len())),
         ("components for 95 % of the variance of scan deltas", at95),
-        ("motion descriptor", format!("{:?}, {} features", config.descriptor.features, learned.bundle.regressor.input.input_size)),
+        (
+            "motion descriptor",
+            format!("{:?}, {} features", config.descriptor.features, learned.bundle.regressor.input.input_size),
+        ),
         ("subspace steps", config.subspace.training.steps.to_string()),
         (
             "regressor",
             format!(
-                "{} steps, best at {}, validation {:.3} mm",
-                config.regressor.training.steps, learned.regressor.best_step, learned.regressor.best_mm
+                "{} steps, best at {}, {:.3} mm on {} clips",
+                config.regressor.training.steps,
+                learned.regressor.best_step,
+                learned.regressor.best_mm,
+                if split.validation.is_empty() { "training" } else { "validation" }
             ),
         ),
     ]

@@ -1,5 +1,6 @@
 //! Scans and their fit: made, opened or brought in.
 
+use super::body::KeptBody;
 use super::context::{Context, fingerprint};
 use crate::config::Config;
 use crate::exit::InputError;
@@ -11,6 +12,7 @@ use softtissue_fit::{FitConfig, ObjectiveKind, fit_set};
 use softtissue_geometry::Topology;
 use softtissue_import::{ImportLimits, SequenceConfig, Units, import_obj_sequences};
 use softtissue_monitor::Monitor;
+use softtissue_store::{Sha256, sha256_file};
 use softtissue_synth::dataset;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -50,7 +52,7 @@ impl Scans {
         if scene.truth.is_none() || judged.is_empty() {
             return Ok(found);
         }
-        let folder = context.run.root().join("stages").join("objectives");
+        let folder = context.run.objectives();
         for (name, objective) in [("unposed", ObjectiveKind::Unposed), ("posed", ObjectiveKind::Posed)] {
             let config = FitConfig { objective, ..context.config.fit.clone() };
             let part = Split { train: split.train.clone(), validation: vec![], test: judged.clone() };
@@ -85,11 +87,13 @@ pub fn import_or_open(
     data_dir: &Path,
     monitor: &dyn Monitor,
 ) -> Result<Scans> {
-    let source = if source.join("scans").join("index.json").exists() { source.join("scans") } else { source.to_owned() };
+    let source =
+        if source.join("scans").join("index.json").exists() { source.join("scans") } else { source.to_owned() };
     let (root, set) = if source.join("index.json").exists() {
         (source.clone(), ScanSet::open(&source)?)
     } else if source.is_dir() {
-        let out = data_dir.join("cache").join(format!("import-{}", fingerprint(&listing(&source))?));
+        let name = fingerprint(&(listing(&source), config.descriptor.fps, topology.hash()))?;
+        let out = data_dir.join("cache").join(format!("import-{name}"));
         let set = if out.join("index.json").exists() {
             ScanSet::open(&out)?
         } else {
@@ -103,20 +107,37 @@ pub fn import_or_open(
     };
     check_set(&set, config, topology)?;
     let truth = root.parent().map(|p| p.join("truth")).filter(|p| p.join("subjects.json").exists());
-    let fingerprint = softtissue_store::sha256_file(&root.join("index.json"))?;
+    let fingerprint = content(&set)?;
     Ok(Scans { set, truth, fingerprint, generated: false })
 }
 
-/// Names, sizes and times of all files below a folder: changes when they do.
+/// SHA-256 over the list and every clip of a set.
+fn content(set: &ScanSet) -> Result<String> {
+    let mut hash = Sha256::default();
+    hash.update(sha256_file(&set.root().join("index.json"))?.as_bytes());
+    for id in set.ids() {
+        for path in [ScanSet::scan_path(set.root(), &id), ScanSet::rough_path(set.root(), &id)] {
+            if path.exists() {
+                hash.update(sha256_file(&path)?.as_bytes());
+            }
+        }
+    }
+    Ok(hash.finish())
+}
+
+/// Folders this deep are read: SUBJECT/MOTION.
+const DEPTH: usize = 3;
+
+/// Names, sizes and times of all files below a folder, links followed: changes when they do.
 fn listing(folder: &Path) -> Vec<(String, u64, u128)> {
     let mut found = Vec::new();
-    let mut waiting = vec![folder.to_owned()];
-    while let Some(dir) = waiting.pop() {
+    let mut waiting = vec![(0, folder.to_owned())];
+    while let Some((depth, dir)) = waiting.pop() {
         for entry in std::fs::read_dir(&dir).into_iter().flatten().flatten() {
             let path = entry.path();
-            let Ok(meta) = entry.metadata() else { continue };
+            let Ok(meta) = std::fs::metadata(&path) else { continue };
             if meta.is_dir() {
-                waiting.push(path);
+                waiting.extend((depth < DEPTH).then_some((depth + 1, path)));
             } else {
                 let changed = meta.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
                 found.push((path.display().to_string(), meta.len(), changed.map_or(0, |d| d.as_nanos())));
@@ -158,26 +179,32 @@ fn check_set(set: &ScanSet, config: &Config, topology: &Topology) -> Result<()> 
         .into());
     }
     if let Some(clip) = set.clips().iter().find(|c| c.frames < 2) {
-        return Err(InputError(format!("{place}: clip {} has one frame, which has no velocity; remove it", clip.id)).into());
+        return Err(
+            InputError(format!("{place}: clip {} has one frame, which has no velocity; remove it", clip.id)).into()
+        );
     }
     Ok(())
 }
+
+/// Raised whenever the same scans, body and settings would give another fit, so that a kept one is not mistaken.
+const FIT: u32 = 2;
 
 /// Fits all clips of a split, or finds the fit in the cache.
 pub fn fit_scans(
     config: &Config,
     scans: &Scans,
-    body: &BodyModel,
+    body: &KeptBody,
     split: &Split,
     data_dir: &Path,
     monitor: &dyn Monitor,
 ) -> Result<FitSet> {
     let ids: Vec<&ClipId> = split.train.iter().chain(&split.validation).chain(&split.test).collect();
-    let name = fingerprint(&(env!("CARGO_PKG_VERSION"), &scans.fingerprint, &config.fit, &split.train, ids))?;
+    let made_of = (env!("CARGO_PKG_VERSION"), FIT, &scans.fingerprint, &body.sha256);
+    let name = fingerprint(&(made_of, &config.fit, &split.train, ids))?;
     let out = data_dir.join("cache").join(format!("fit-{name}"));
     if out.join("index.json").exists() {
         monitor.say(&format!("  fit: found in {}", out.display()));
         return Ok(FitSet::open(&out)?);
     }
-    Ok(fit_set(&scans.set, split, body, &config.fit, &out, monitor)?)
+    Ok(fit_set(&scans.set, split, &body.model, &config.fit, &out, monitor)?)
 }

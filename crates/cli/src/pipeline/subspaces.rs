@@ -50,7 +50,12 @@ pub fn learn_subspaces(
     let validation = frames(selection, &subjects, body, fit, &pca.basis, false)?;
     let surface = surface(body, fit, &subjects, &pca.basis)?;
     let mut learned = BTreeMap::new();
-    for &latents in config.sizes.iter().filter(|l| **l < pca.components()) {
+    for &latents in &config.sizes {
+        if latents >= pca.components() {
+            let components = pca.components();
+            context.monitor.say(&format!("  no subspace of {latents} numbers: the clips have {components} components"));
+            continue;
+        }
         let name = format!("subspace-{latents}");
         let subspace = context.timed(&place.stage(&name), || {
             let stage = Stage { name: name.clone(), seed: context.config.seed, device: context.device.clone() };
@@ -72,7 +77,14 @@ fn subjects_of(split: &Split) -> Vec<String> {
     subjects
 }
 
-fn frames(ids: &[ClipId], subjects: &[String], body: &BodyModel, fit: &FitSet, basis: &DeltaBasis, mirrored: bool) -> Result<DeltaFrames> {
+fn frames(
+    ids: &[ClipId],
+    subjects: &[String],
+    body: &BodyModel,
+    fit: &FitSet,
+    basis: &DeltaBasis,
+    mirrored: bool,
+) -> Result<DeltaFrames> {
     let mut all = DeltaFrames::default();
     for id in ids {
         let deltas = fit.deltas(id)?.deltas;

@@ -46,7 +46,9 @@ fn shape(args: &AnimateArgs, bundle: &Bundle) -> Result<Vec<f32>> {
         .split(',')
         .map(|b| b.trim().parse::<f32>().ok().filter(|b| b.is_finite() && b.abs() <= 10.0))
         .collect::<Option<Vec<f32>>>()
-        .ok_or_else(|| UsageError(format!("--shape {text:?}: write numbers between -10 and 10, separated by commas")))?;
+        .ok_or_else(|| {
+            UsageError(format!("--shape {text:?}: write numbers between -10 and 10, separated by commas"))
+        })?;
     if beta.len() > bundle.body.shape_count() {
         let (given, has) = (beta.len(), bundle.body.shape_count());
         return Err(UsageError(format!("--shape has {given} numbers, but the body has {has}; leave some out")).into());
@@ -72,7 +74,8 @@ fn motion(args: &AnimateArgs, bundle: &Bundle, beta: &[f32]) -> Result<MotionCli
         return Err(InputError(message).into());
     }
     if clip.fps != fps {
-        let message = format!("{}: {} frames a second, but the bundle is for {fps}; resample it", path.display(), clip.fps);
+        let message =
+            format!("{}: {} frames a second, but the bundle is for {fps}; resample it", path.display(), clip.fps);
         return Err(InputError(message).into());
     }
     Ok(clip)

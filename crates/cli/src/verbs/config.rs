@@ -6,7 +6,7 @@ use anyhow::Result;
 
 /// Runs the verb.
 pub fn run(args: &ConfigArgs) -> Result<()> {
-    let (_, config) = resolve(&args.settings)?;
+    let config = resolve(&args.settings)?.config;
     match args.action {
         ConfigAction::Print => crate::print_line(toml::to_string(&config)?.trim_end()),
         ConfigAction::Check => {}

@@ -2,7 +2,7 @@
 
 use crate::args::{EvalArgs, Protocol};
 use crate::exit::InputError;
-use crate::pipeline::{BundleMethod, Context, fold, heaviest, learn, prepare};
+use crate::pipeline::{BundleMethod, Context, Opened, fold, heaviest, learn, needs_test_clips, open, prepare};
 use crate::run_folder::RunFolder;
 use crate::settings::stored;
 use crate::signals::Signals;
@@ -20,17 +20,26 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
     if !path.exists() {
         return Err(InputError(format!("{} holds no run: train first", args.run.display())).into());
     }
+    let bundle = args.run.join("bundle").join("manifest.json");
+    if !bundle.exists() {
+        let message =
+            format!("{} has no finished bundle: go on with `softtissue train --resume` first", args.run.display());
+        return Err(InputError(message).into());
+    }
     let config = stored(&path)?;
     let provenance: Provenance = read_json(&args.run.join("provenance.json"))?;
     let terminal = Terminal::new(signals.clone(), args.quiet);
     let folder = RunFolder::take(&args.run, true)?;
-    let context = Context::new(&config, &terminal, &folder, provenance.data_dir.clone())?;
+    let mut context = Context::new(&config, &terminal, &folder, provenance.data_dir.clone())?;
+    let opened = open(&context, provenance.data.as_deref())?;
     let metrics = if args.protocol == Protocol::HeldOut {
-        let job = prepare(&context, provenance.data.as_deref())?;
+        needs_test_clips(&opened.split)?;
+        context.learns = false;
+        let job = prepare(&context, opened)?;
         let learned = learn(&context, &job.place, &job.body, &job.fit, &job.split, &folder.bundle())?;
         finish(&context, &provenance.configuration, &job, &learned)?.metrics
     } else {
-        protocol(args, &context, &provenance)?
+        protocol(args, &context, &opened)?
     };
     if args.json {
         crate::print_line(&serde_json::to_string(&metrics)?);
@@ -44,9 +53,8 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
     Ok(())
 }
 
-fn protocol(args: &EvalArgs, context: &Context, provenance: &Provenance) -> Result<Metrics> {
-    let base = prepare(context, provenance.data.as_deref())?;
-    let (name, folds) = folds(args, context, &base)?;
+fn protocol(args: &EvalArgs, context: &Context, base: &Opened) -> Result<Metrics> {
+    let (name, folds) = folds(args, context, base)?;
     let mut tally = Tally::default();
     for Fold { name: left_out, split } in folds {
         let prefix = format!("{name}/{}", left_out.replace('/', "."));
@@ -68,15 +76,18 @@ fn protocol(args: &EvalArgs, context: &Context, provenance: &Provenance) -> Resu
     Ok(metrics)
 }
 
-fn folds(args: &EvalArgs, context: &Context, base: &crate::pipeline::Prepared) -> Result<(&'static str, Vec<Fold>)> {
+fn folds(args: &EvalArgs, context: &Context, base: &Opened) -> Result<(&'static str, Vec<Fold>)> {
     let clips = base.scans.set.ids();
     let choice = match args.folds.as_deref() {
         Some("all") => FoldChoice::All,
         Some(names) => FoldChoice::Named(names.split(',').map(|n| n.trim().to_owned()).collect()),
-        None => match heaviest(&base.fit, &clips)? {
-            Some(id) if args.protocol == Protocol::LeaveOneSequenceOut => FoldChoice::Networks { subject: id.subject },
-            _ => FoldChoice::All,
-        },
+        None if args.protocol == Protocol::LeaveOneSequenceOut => {
+            match heaviest(&prepare(context, base.clone())?.fit, &clips)? {
+                Some(id) => FoldChoice::Networks { subject: id.subject },
+                None => FoldChoice::All,
+            }
+        }
+        None => FoldChoice::All,
     };
     let split = &context.config.split;
     Ok(match args.protocol {

@@ -11,9 +11,9 @@ use softtissue_import::{ImportLimits, SequenceConfig, Units, import_obj_sequence
 
 /// Runs the verb.
 pub fn run(args: &ImportArgs, signals: &Signals) -> Result<()> {
-    let (_, config) = resolve(&args.settings)?;
+    let config = resolve(&args.settings)?.config;
     let terminal = Terminal::new(signals.clone(), args.settings.quiet);
-    let body = load_body(&config, &data_dir(&args.settings), &terminal)?;
+    let body = load_body(&config, &data_dir(&args.settings), &terminal)?.model;
     let units = match args.units {
         LengthUnit::Metres => Units::Metres,
         LengthUnit::Centimetres => Units::Centimetres,

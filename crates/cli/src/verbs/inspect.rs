@@ -5,7 +5,7 @@ use crate::exit::InputError;
 use anyhow::Result;
 use glam::Vec3;
 use serde_json::{Map, Value, json};
-use softtissue_clips::{DeltaClip, FitSet, FittedSubject, MotionClip, ScanClip, ScanSet};
+use softtissue_clips::{DeltaClip, FitSet, FittedSubject, MotionClip, ScanClip, ScanSet, TruthSet};
 use softtissue_geometry::Frames;
 use softtissue_import::{ImportLimits, read_mesh};
 use softtissue_store::TensorFile;
@@ -51,7 +51,11 @@ fn inspect(path: &Path) -> Result<Value> {
         Some("safetensors") => tensors(path),
         Some("obj" | "OBJ") => mesh(path),
         _ if !path.exists() => Err(InputError(format!("{} does not exist: check the path", path.display())).into()),
-        _ => Err(InputError(format!("{}: no file that softtissue knows (clips are .safetensors, meshes .obj)", path.display())).into()),
+        _ => Err(InputError(format!(
+            "{}: no file that softtissue knows (clips are .safetensors, meshes .obj)",
+            path.display()
+        ))
+        .into()),
     }
 }
 
@@ -59,12 +63,34 @@ fn folder(path: &Path) -> Result<Value> {
     if path.join("config.toml").exists() && path.join("provenance.json").exists() {
         return run_folder(path);
     }
+    if path.join("synth.json").exists() {
+        let recipe: Value = softtissue_store::read_json(&path.join("synth.json"))?;
+        let mut problems = Vec::new();
+        if !path.join("scans/index.json").exists() {
+            problems.push("unfinished: the same `softtissue synth` or `train` goes on with it");
+        }
+        return Ok(
+            json!({"what": "generated scans (scans/) and their truth (truth/)", "recipe": recipe, "problems": problems}),
+        );
+    }
+    if path.join("subjects.json").exists() {
+        let truth = TruthSet::open(path)?;
+        let subjects: Vec<String> =
+            truth.subjects().iter().map(|s| format!("{}: {:.1} kg/m^2", s.subject, s.bmi)).collect();
+        return Ok(json!({"what": "truth, which only evaluation opens", "subjects": subjects, "problems": []}));
+    }
+    if path.join("state.safetensors").exists() {
+        let manifest: Value = softtissue_store::read_json(&path.join("manifest.json"))?;
+        return Ok(json!({"what": "checkpoint", "manifest": manifest, "problems": []}));
+    }
     if path.join("manifest.json").exists() {
         let bundle = softtissue_bundle::Bundle::read(path)?;
         return Ok(json!({"what": "bundle", "manifest": bundle.manifest()?, "problems": []}));
     }
     if path.join("index.json").exists() {
-        if let Ok(set) = ScanSet::open(path) {
+        let index: Value = softtissue_store::read_json(&path.join("index.json"))?;
+        if index["kind"] == "scan" {
+            let set = ScanSet::open(path)?;
             return Ok(json!({
                 "what": "scan set", "vertices": set.vertex_count(), "topology": set.topology(), "units": "metres", "up": "Y",
                 "subjects": set.subjects(), "provenance": set.provenance(), "clips": entries(set.clips()), "problems": [],
@@ -120,7 +146,8 @@ fn tensors(path: &Path) -> Result<Value> {
             let clip = DeltaClip::read(path)?;
             let points = clip.deltas.points();
             let mean = points.iter().map(|d| f64::from(d.length())).sum::<f64>() / points.len() as f64;
-            let mut facts = clip_facts("delta clip (scan minus model, rest frame)", &clip.id, clip.fps, &clip.deltas, vec![]);
+            let mut facts =
+                clip_facts("delta clip (scan minus model, rest frame)", &clip.id, clip.fps, &clip.deltas, vec![]);
             facts["mean_mm"] = json!(mean * 1e3);
             facts["largest_mm"] = json!(f64::from(points.iter().map(|d| d.length()).fold(0.0, f32::max)) * 1e3);
             Ok(facts)
@@ -145,13 +172,20 @@ fn tensors(path: &Path) -> Result<Value> {
             }))
         }
         _ => {
-            let arrays: Vec<String> = file.names().filter_map(|n| file.shape(n).map(|(t, s)| format!("{n}: {t:?} {s:?}"))).collect();
+            let arrays: Vec<String> =
+                file.names().filter_map(|n| file.shape(n).map(|(t, s)| format!("{n}: {t:?} {s:?}"))).collect();
             Ok(json!({"what": "tensor file", "arrays": arrays, "problems": []}))
         }
     }
 }
 
-fn clip_facts(what: &str, id: &softtissue_clips::ClipId, fps: f32, frames: &Frames, mut problems: Vec<String>) -> Value {
+fn clip_facts(
+    what: &str,
+    id: &softtissue_clips::ClipId,
+    fps: f32,
+    frames: &Frames,
+    mut problems: Vec<String>,
+) -> Value {
     problems.extend(jump_problems(frames, fps));
     json!({
         "what": what, "clip": id.to_string(), "frames": frames.len(), "points": frames.points_per_frame(),

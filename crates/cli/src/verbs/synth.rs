@@ -10,7 +10,7 @@ use softtissue_synth::dataset;
 
 /// Runs the verb.
 pub fn run(args: &SynthArgs, signals: &Signals) -> Result<()> {
-    let (_, config) = resolve(&args.settings)?;
+    let config = resolve(&args.settings)?.config;
     let terminal = Terminal::new(signals.clone(), args.settings.quiet);
     let cache = || data_dir(&args.settings).join("cache").join(&config.synth.fingerprint()[..16]);
     let out = args.out.clone().unwrap_or_else(cache);

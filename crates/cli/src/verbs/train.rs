@@ -3,9 +3,11 @@
 use crate::args::TrainArgs;
 use crate::config::Config;
 use crate::exit::UsageError;
-use crate::pipeline::{Context, Judgement, Learned, Prepared, heaviest, judge_run, learn, prepare, write_report};
+use crate::pipeline::{
+    Context, Judgement, Learned, Prepared, heaviest, judge_run, learn, needs_test_clips, open, prepare, write_report,
+};
 use crate::run_folder::RunFolder;
-use crate::settings::{resolve, stored};
+use crate::settings::{Resolved, resolve, stored};
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::data_dir;
@@ -13,9 +15,10 @@ use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use softtissue_bundle::Player;
+use softtissue_clips::Split;
 use softtissue_export::{Animation, GltfConfig, write_gltf};
 use softtissue_monitor::Monitor;
-use softtissue_store::{read_json, write_json_atomic};
+use softtissue_store::{StoreError, read_json, write_json_atomic};
 use softtissue_train::TrainError;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -40,26 +43,40 @@ pub struct Provenance {
 /// Runs the verb.
 pub fn run(args: &TrainArgs, signals: &Signals) -> Result<()> {
     let begun = Instant::now();
-    let (name, config) = resolve(&args.settings)?;
+    let Resolved { name, config, licence_stated } = resolve(&args.settings)?;
     let out = args.out.clone().unwrap_or_else(|| Path::new("runs").join(&name));
-    let provenance = Provenance {
-        program: format!("softtissue {}", env!("CARGO_PKG_VERSION")),
-        configuration: name.clone(),
-        seed: config.seed,
-        data: args.data.clone(),
-        data_dir: data_dir(&args.settings),
-        threads: rayon::current_num_threads(),
+    let given = Start {
+        provenance: Provenance {
+            program: format!("softtissue {}", env!("CARGO_PKG_VERSION")),
+            configuration: name.clone(),
+            seed: config.seed,
+            data: args.data.as_deref().map(absolute).transpose()?,
+            data_dir: absolute(&data_dir(&args.settings))?,
+            threads: rayon::current_num_threads(),
+        },
+        config,
+        licence_stated,
     };
+    if args.data.is_none() && !args.resume {
+        // The clips are known before they are made.
+        check_split(args, &given.config.planned_split()?)?;
+    }
     if args.dry_run {
-        return plan(&config, &provenance, &out);
+        return plan(&given.config, &given.provenance, &out);
     }
     let terminal = Terminal::new(signals.clone(), args.settings.quiet);
     let folder = RunFolder::take(&out, args.resume)?;
-    let (config, provenance) = begin(args, config, provenance, &folder)?;
+    let (config, provenance) = begin(args, given, &folder)?;
     let context = Context::new(&config, &terminal, &folder, provenance.data_dir.clone())?;
     terminal.say(&format!("{} into {}", provenance.configuration, out.display()));
+    // Scans that take long to make belong to a run that can be resumed; scans that cannot be read leave none behind.
+    let keep = |when: bool| if when && !args.resume { keep(&folder, &config, &provenance) } else { Ok(()) };
+    keep(provenance.data.is_none())?;
+    let opened = open(&context, provenance.data.as_deref())?;
+    check_split(args, &opened.split)?;
+    keep(provenance.data.is_some())?;
 
-    let job = prepare(&context, provenance.data.as_deref())?;
+    let job = prepare(&context, opened)?;
     let learned = learn(&context, &job.place, &job.body, &job.fit, &job.split, &folder.bundle())?;
     if args.no_eval {
         crate::print_line(&format!("bundle: {}", folder.bundle().display()));
@@ -84,23 +101,52 @@ pub fn finish(context: &Context, title: &str, job: &Prepared, learned: &Learned)
     Ok(judgement)
 }
 
-/// Writes what the run is, or, on a resume, takes it from the folder and refuses other settings.
-fn begin(args: &TrainArgs, config: Config, provenance: Provenance, folder: &RunFolder) -> Result<(Config, Provenance)> {
-    let path = folder.root().join("config.toml");
+/// What the command line asks for.
+struct Start {
+    config: Config,
+    provenance: Provenance,
+    licence_stated: bool,
+}
+
+fn check_split(args: &TrainArgs, split: &Split) -> Result<()> {
+    if args.no_eval { Ok(()) } else { needs_test_clips(split) }
+}
+
+fn absolute(path: &Path) -> Result<PathBuf> {
+    Ok(std::path::absolute(path).map_err(|e| StoreError::io("find", path, e))?)
+}
+
+/// Writes what the run is: from now on it can be resumed.
+fn keep(folder: &RunFolder, config: &Config, provenance: &Provenance) -> Result<()> {
+    write_json_atomic(&folder.root().join("provenance.json"), provenance)?;
+    folder.write_text("config.toml", &toml::to_string(config)?)
+}
+
+/// What the run is: as asked for, or, on a resume, as the folder has it; then other settings are refused.
+fn begin(args: &TrainArgs, start: Start, folder: &RunFolder) -> Result<(Config, Provenance)> {
+    let Start { mut config, provenance, licence_stated } = start;
+    let unlicensed = |config: &mut Config, data: &Option<PathBuf>| {
+        if data.is_some() && !licence_stated {
+            config.licence = "unspecified".into();
+        }
+    };
     if !args.resume {
-        write_json_atomic(&folder.root().join("provenance.json"), &provenance)?;
-        folder.write_text("config.toml", &toml::to_string(&config)?)?;
+        unlicensed(&mut config, &provenance.data);
         return Ok((config, provenance));
     }
+    let path = folder.root().join("config.toml");
     let kept = stored(&path)?;
+    let kept_provenance: Provenance = read_json(&folder.root().join("provenance.json"))?;
+    unlicensed(&mut config, &kept_provenance.data);
     let settings = &args.settings;
-    let given = settings.config.is_some() || !settings.set.is_empty() || settings.seed.is_some() || settings.device.is_some();
+    let given =
+        settings.config.is_some() || !settings.set.is_empty() || settings.seed.is_some() || settings.device.is_some();
     if given && config != kept {
-        let reason = "the settings given are not those that the run was started with; leave them out, or choose another --out";
+        let reason =
+            "the settings given are not those that the run was started with; leave them out, or choose another --out";
         return Err(TrainError::Checkpoint { path, reason: reason.into() }.into());
     }
-    let kept_provenance: Provenance = read_json(&folder.root().join("provenance.json"))?;
-    if args.data.is_some() && args.data != kept_provenance.data {
+    if provenance.data.is_some() && provenance.data != kept_provenance.data {
         let reason = "--data is not what the run was started with; leave it out, or choose another --out";
         return Err(TrainError::Checkpoint { path, reason: reason.into() }.into());
     }
@@ -115,12 +161,22 @@ fn plan(config: &Config, provenance: &Provenance, out: &Path) -> Result<()> {
         Some(data) => crate::print_line(&format!("  scans: from {}", data.display())),
         None => crate::print_line(&format!(
             "  scans: {} subjects x {} motions x {} takes of {} frames, {clips} clips, level {}",
-            s.bmi.len(), s.motions.len(), s.takes, s.frames, s.level
+            s.bmi.len(),
+            s.motions.len(),
+            s.takes,
+            s.frames,
+            s.level
         )),
     }
     crate::print_line(&format!("  fit: {:?}, {:?}", config.fit.solver, config.fit.objective));
-    crate::print_line(&format!("  subspaces: {:?}, {} steps each", config.subspace.sizes, config.subspace.training.steps));
-    crate::print_line(&format!("  regressor: {} steps on {} latent numbers", config.regressor.training.steps, config.regressor.latents));
+    crate::print_line(&format!(
+        "  subspaces: {:?}, {} steps each",
+        config.subspace.sizes, config.subspace.training.steps
+    ));
+    crate::print_line(&format!(
+        "  regressor: {} steps on {} latent numbers",
+        config.regressor.training.steps, config.regressor.latents
+    ));
     if out.join("config.toml").exists() {
         return Err(UsageError(format!("{} holds a run already: pass --resume or another --out", out.display())).into());
     }
@@ -129,8 +185,7 @@ fn plan(config: &Config, provenance: &Provenance, out: &Path) -> Result<()> {
 
 /// An animation of the heaviest subject in a motion that training has not seen.
 fn animate(job: &Prepared, learned: &Learned, folder: &RunFolder, monitor: &dyn Monitor) -> Result<()> {
-    let clips = if job.split.test.is_empty() { &job.split.train } else { &job.split.test };
-    let Some(id) = heaviest(&job.fit, clips)? else { return Ok(()) };
+    let Some(id) = heaviest(&job.fit, &job.split.test)? else { return Ok(()) };
     let motion = job.fit.motion(&id)?;
     let mut player = Player::new(&*learned.bundle, &job.fit.subject(&id.subject)?.beta)?;
     let frames = player.rollout_vertices(&motion.rotations, &motion.translations)?;
@@ -150,7 +205,12 @@ fn summary(judgement: &Judgement, folder: &RunFolder, seconds: f64) {
         let all = m.regions.get("all").and_then(|r| r.mean_mm);
         let energy = m.regions.get("soft").and_then(|r| r.energy_ratio);
         if all.is_some() {
-            crate::print_line(&format!("{name:<30} {:>7}   {:>10}   {:>6}", number(all, 3), number(m.soft_ratio, 3), number(energy, 2)));
+            crate::print_line(&format!(
+                "{name:<30} {:>7}   {:>10}   {:>6}",
+                number(all, 3),
+                number(m.soft_ratio, 3),
+                number(energy, 2)
+            ));
         }
     }
     crate::print_line("");
