@@ -3,7 +3,7 @@
 use softtissue_monitor::{Monitor, Silent};
 use softtissue_random::Draws;
 use softtissue_train::{
-    CheckpointFolder, LoopConfig, NamedArray, RunLog, State, StepStats, TrainError, Trainee, train_to_end,
+    Checkpoint, CheckpointFolder, LoopConfig, NamedArray, RunLog, State, StepStats, TrainError, Trainee, train_to_end,
 };
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -37,6 +37,13 @@ impl Trainee for Toy {
 
 fn toy() -> Toy {
     Toy { x: 0.0, momentum: 0.0, poison: None }
+}
+
+fn folders(dir: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(dir.join("checkpoints")).unwrap().flatten();
+    let mut names: Vec<String> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
 }
 
 /// Asks to stop at the n-th question.
@@ -123,4 +130,67 @@ fn a_nan_rolls_back_to_the_last_checkpoint() {
     let mut unbroken = toy();
     run(tempfile::tempdir().unwrap().path(), &mut unbroken, "a", &Silent).unwrap();
     assert_eq!(resumed.state(), unbroken.state());
+}
+
+#[test]
+fn torn_checkpoints_go_and_steps_are_counted_as_numbers() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = CheckpointFolder::new(dir.path().join("checkpoints"), "a".into(), 2);
+    let state: State = toy().state().into_iter().map(|a| (a.name.clone(), a)).collect();
+    let save = |steps_done| folder.save(&Checkpoint { steps_done, state: state.clone(), best: None }).unwrap();
+    save(999_999);
+    let torn = save(500);
+    std::fs::remove_file(torn.join("manifest.json")).unwrap();
+    save(1_000_000);
+    assert_eq!(folder.newest().unwrap().unwrap().steps_done, 1_000_000, "a million comes after 999999");
+    assert_eq!(folders(dir.path()), ["step-1000000", "step-999999"], "the torn one is gone, whole ones are not");
+    save(1_000_001);
+    assert_eq!(folders(dir.path()), ["step-1000000", "step-1000001"]);
+}
+
+#[test]
+fn a_manifest_that_does_not_list_the_state_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    run(dir.path(), &mut toy(), "a", &StopAfter(AtomicU64::new(15))).unwrap_err();
+    let path = dir.path().join("checkpoints/step-000015/manifest.json");
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("state.safetensors", "other.safetensors")).unwrap();
+    let refused = run(dir.path(), &mut toy(), "a", &Silent).unwrap_err();
+    assert!(matches!(refused, TrainError::Checkpoint { .. }), "{refused}");
+}
+
+#[test]
+fn a_start_that_is_not_finite_has_diverged() {
+    let dir = tempfile::tempdir().unwrap();
+    let error = run(dir.path(), &mut Toy { x: f32::NAN, ..toy() }, "a", &Silent).unwrap_err();
+    assert!(matches!(error, TrainError::Diverged { step: 0, .. }), "{error}");
+}
+
+#[test]
+fn the_log_holds_each_line_once_after_a_crash() {
+    /// Step and kind of each line, sorted.
+    fn lines(dir: &Path) -> Vec<(Option<u64>, bool)> {
+        let text = std::fs::read_to_string(dir.join("log.jsonl")).unwrap();
+        let values = text.lines().map(|l| serde_json::from_str::<serde_json::Value>(l).expect("a whole line"));
+        let mut keys: Vec<_> = values.map(|v| (v["step"].as_u64(), v.get("validation_mm").is_some())).collect();
+        keys.sort_unstable();
+        keys
+    }
+    let whole = tempfile::tempdir().unwrap();
+    run(whole.path(), &mut toy(), "a", &Silent).unwrap();
+    // Stops at a step that was just validated, and before any checkpoint.
+    for at in [14, 35] {
+        let dir = tempfile::tempdir().unwrap();
+        run(dir.path(), &mut toy(), "a", &StopAfter(AtomicU64::new(at))).unwrap_err();
+        let log = dir.path().join("log.jsonl");
+        let torn = std::fs::read_to_string(&log).unwrap() + "{\"stage\":\"toy\",\"st";
+        std::fs::write(&log, torn).unwrap();
+        run(dir.path(), &mut toy(), "a", &Silent).unwrap();
+        assert_eq!(lines(dir.path()), lines(whole.path()), "stopped after {at}");
+    }
+    // A run that was killed before its first checkpoint starts again from nothing.
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::copy(whole.path().join("log.jsonl"), dir.path().join("log.jsonl")).unwrap();
+    run(dir.path(), &mut toy(), "a", &Silent).unwrap();
+    assert_eq!(lines(dir.path()), lines(whole.path()));
 }
