@@ -10,7 +10,9 @@ pub enum BodyError {
     #[error("the body is not usable: {0}")]
     Inconsistent(String),
     /// A blended skinning matrix that cannot be inverted.
-    #[error("the skinning matrix of vertex {vertex} has determinant {determinant:.3}, so the frame cannot be unposed: the pose folds the body there")]
+    #[error(
+        "the skinning matrix of vertex {vertex} has determinant {determinant:.3}, so the frame cannot be unposed: the pose folds the body there"
+    )]
     Singular {
         /// Which vertex.
         vertex: usize,

@@ -17,7 +17,7 @@ pub mod procedural;
 
 pub use derivative::Jacobian;
 pub use error::BodyError;
-pub use model::{BodyModel, JointRegressor, Mirror, SkinWeights, Skeleton, UvAtlas};
+pub use model::{BodyModel, JointRegressor, Mirror, Skeleton, SkinWeights, UvAtlas};
 pub use regions::{Region, RegionMap};
 pub use skinning::{Pose, SMALLEST_DETERMINANT, ShapedBody};
 
