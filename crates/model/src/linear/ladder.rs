@@ -31,6 +31,7 @@ pub struct LadderModel {
 
 /// What a rung computes.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a ladder holds a dozen of them")]
 pub enum Rule {
     /// Nothing: the body model alone.
     Body,

@@ -93,11 +93,14 @@ pub fn fit_readout(
     Ok(Selected { model: regressor, strength, score, tried })
 }
 
+/// The chosen model, its strength and score, and every strength's score.
+type Choice<M> = (M, f64, Score, Vec<(f64, Score)>);
+
 /// Solves at each strength and keeps the one with the lowest soft ratio.
 pub(super) fn select<M>(
     strengths: &[f64],
     mut solve: impl FnMut(f64) -> Result<(M, Vec<Score>), ModelError>,
-) -> Result<(M, f64, Score, Vec<(f64, Score)>), ModelError> {
+) -> Result<Choice<M>, ModelError> {
     let mut best: Option<(M, f64, Score)> = None;
     let mut tried = Vec::with_capacity(strengths.len());
     for &strength in strengths {
