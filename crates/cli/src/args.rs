@@ -96,9 +96,11 @@ pub enum Protocol {
     /// Judge the run on its held-out clips.
     HeldOut,
     /// Train again without each motion in turn.
-    LeaveOneSequenceOut,
+    #[value(name = "leave-one-sequence-out")]
+    Sequences,
     /// Train again without each subject in turn.
-    LeaveOneSubjectOut,
+    #[value(name = "leave-one-subject-out")]
+    Subjects,
 }
 
 /// `eval`.

@@ -382,3 +382,42 @@ impl FittedSubject {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn clip(motion: &str, frames: usize) -> ScanClip {
+        ScanClip { id: ClipId::new("s00", motion, 0), fps: 60.0, vertices: Frames::zeros(3, frames) }
+    }
+
+    fn set(root: &Path, listed: &[(&str, usize)]) -> Result<ScanSet> {
+        let entry =
+            |(m, frames): &(&str, usize)| ClipEntry { id: ClipId::new("s00", *m, 0), frames: *frames, fps: 60.0 };
+        ScanSet::finish(root, 3, "t", serde_json::Value::Null, listed.iter().map(entry).collect())
+    }
+
+    #[test]
+    fn clips_that_are_not_as_listed_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = ScanSet::scan_path(dir.path(), &ClipId::new("s00", "hips", 0));
+        let set = set(dir.path(), &[("hips", 4)]).unwrap();
+        let says = |clip: &ScanClip| {
+            clip.write(&path).unwrap();
+            set.scan(&ClipId::new("s00", "hips", 0)).map(|_| ()).map_err(|e| e.to_string())
+        };
+        assert_eq!(says(&clip("hips", 4)), Ok(()));
+        assert!(says(&clip("hips", 5)).unwrap_err().contains("5 frames"));
+        assert!(says(&clip("knees", 4)).unwrap_err().contains("s00/knees.0"));
+        assert!(says(&ScanClip { fps: 30.0, ..clip("hips", 4) }).unwrap_err().contains("30"));
+        let flat = ScanClip { vertices: Frames::zeros(2, 4), ..clip("hips", 4) };
+        assert!(says(&flat).unwrap_err().contains("2 vertices"));
+    }
+
+    #[test]
+    fn a_clip_is_listed_once() {
+        let dir = tempfile::tempdir().unwrap();
+        assert!(set(dir.path(), &[("hips", 4), ("hips", 4)]).unwrap_err().to_string().contains("s00/hips.0"));
+        assert!(!dir.path().join("index.json").exists());
+    }
+}

@@ -128,6 +128,50 @@ fn sequences_need_frames_and_a_rate() {
 }
 
 #[test]
+fn folders_that_name_no_clip_or_one_twice_are_refused_by_path() {
+    let good = obj(&points(), &tetrahedron().faces);
+    let run = |folders: &[&str]| {
+        let dir = tempfile::tempdir().unwrap();
+        for folder in folders {
+            let clip = dir.path().join("in").join(folder);
+            std::fs::create_dir_all(&clip).unwrap();
+            (0..2).for_each(|n| std::fs::write(clip.join(format!("{n}.obj")), &good).unwrap());
+        }
+        import_obj_sequences(&dir.path().join("in"), &tetrahedron(), &CONFIG, &dir.path().join("out"), &Silent)
+            .map(|set| set.clips().len())
+            .map_err(|e| e.to_string())
+    };
+    assert_eq!(run(&["anna/hips.0", "anna/hips.1"]), Ok(2));
+    let message = run(&["anna/big hips"]).unwrap_err();
+    assert!(message.contains("big hips") && message.contains("rename"), "{message}");
+    let message = run(&["anna/hips", "anna/hips.0"]).unwrap_err();
+    assert!(message.contains("anna/hips.0") && message.contains("another take"), "{message}");
+}
+
+#[test]
+fn a_second_import_that_fails_leaves_nothing_that_looks_finished() {
+    let dir = tempfile::tempdir().unwrap();
+    let (clip, out) = (dir.path().join("in/anna/hips"), dir.path().join("out"));
+    std::fs::create_dir_all(&clip).unwrap();
+    let write = |text: &str| (0..2).for_each(|n| std::fs::write(clip.join(format!("{n}.obj")), text).unwrap());
+    let run = || import_obj_sequences(&dir.path().join("in"), &tetrahedron(), &CONFIG, &out, &Silent);
+    write(&obj(&points(), &tetrahedron().faces));
+    run().unwrap();
+    assert!(out.join("index.json").exists());
+    write("v NaN 0 0");
+    run().unwrap_err();
+    assert!(!out.join("index.json").exists());
+}
+
+#[test]
+fn long_numbers_are_read_to_their_end() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("long.obj");
+    std::fs::write(&path, format!("v {}25e1 0 0", "0".repeat(50))).unwrap();
+    assert_eq!(read_obj_frame(&path, &CONFIG.limits).unwrap().positions, [Vec3::new(250.0, 0.0, 0.0)]);
+}
+
+#[test]
 fn no_material_file_is_opened() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("m.obj");

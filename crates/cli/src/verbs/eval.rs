@@ -81,17 +81,15 @@ fn folds(args: &EvalArgs, context: &Context, base: &Opened) -> Result<(&'static 
     let choice = match args.folds.as_deref() {
         Some("all") => FoldChoice::All,
         Some(names) => FoldChoice::Named(names.split(',').map(|n| n.trim().to_owned()).collect()),
-        None if args.protocol == Protocol::LeaveOneSequenceOut => {
-            match heaviest(&prepare(context, base.clone())?.fit, &clips)? {
-                Some(id) => FoldChoice::Networks { subject: id.subject },
-                None => FoldChoice::All,
-            }
-        }
+        None if args.protocol == Protocol::Sequences => match heaviest(&prepare(context, base.clone())?.fit, &clips)? {
+            Some(id) => FoldChoice::Networks { subject: id.subject },
+            None => FoldChoice::All,
+        },
         None => FoldChoice::All,
     };
     let split = &context.config.split;
     Ok(match args.protocol {
-        Protocol::LeaveOneSubjectOut => ("leave-one-subject-out", leave_one_subject_out(&clips, split, &choice)?),
+        Protocol::Subjects => ("leave-one-subject-out", leave_one_subject_out(&clips, split, &choice)?),
         _ => ("leave-one-sequence-out", leave_one_sequence_out(&clips, split, &choice)?),
     })
 }
