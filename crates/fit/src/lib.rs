@@ -3,6 +3,7 @@
 //! - Pose: Levenberg-Marquardt on an analytic gradient, in the unposed frame by default (Casas-Otaduy 2018 eq. 4) or
 //!   the posed one (SoftSMPL 2020 eq. 4). The Gauss-Newton matrix is summed over bone twists and carried down the
 //!   chain once a frame, so its cost does not grow with the skeleton's depth.
+//!   Weak priors share out what the surface hardly tells.
 //! - Shape: from the first frames of a subject's training clips, poses free.
 //! - Deltas: SoftSMPL eq. 3, with what is static in a subject (AutoAvatar 2022, appendix A) taken out by default.
 //! - Two weights: `fit_weight` is high on rigid parts and steers the pose fit; `rigidity_weight` (Casas-Otaduy eq. 7)

@@ -39,6 +39,8 @@ pub struct Objective {
     pub(crate) joints: Vec<Vec3>,
     /// Weight of the squared turn since the frame before.
     pub(crate) smoothness: f64,
+    /// Weight of each joint's squared turn from rest, `[J]`; empty when there is none.
+    pub(crate) pose_prior: Vec<f64>,
 }
 
 impl Objective {
@@ -48,16 +50,35 @@ impl Objective {
         if let Some(template) = template {
             rest.iter_mut().zip(body.packed.sorted(template)).for_each(|(x, d)| *x += d);
         }
-        Self { body, kind, rest, joints: shaped.joints.clone(), smoothness: 0.0 }
+        Self { body, kind, rest, joints: shaped.joints.clone(), smoothness: 0.0, pose_prior: vec![] }
     }
 
-    /// The same with a weight, m^2/rad^2, on each joint's squared turn since the frame before.
-    pub fn with_smoothness(mut self, smoothness: f64) -> Self {
+    /// The same with priors: on each joint's squared turn from rest (the root's excepted), `pose_prior` times what that
+    /// joint moves; and on its squared turn since the frame before, `smoothness` m^2/rad^2.
+    pub fn with_priors(mut self, pose_prior: f64, smoothness: f64) -> Self {
+        self.pose_prior =
+            if pose_prior > 0.0 { self.inertia().iter().map(|h| pose_prior * h).collect() } else { vec![] };
         self.smoothness = smoothness;
         self
     }
 
-    /// The objective at a pose, m^2; `scan` is `[V]` in the mesh's order.
+    /// Weighted mean squared distance from each joint of the vertices that hang below it, `[J]`, m^2.
+    fn inertia(&self) -> Vec<f64> {
+        let mut inertia = vec![0.0; self.joints.len()];
+        for ((bones, weight), rest) in self.body.packed.influences.iter().zip(self.body.weights.iter()).zip(&self.rest)
+        {
+            for (bone, b) in bones.iter() {
+                let mut at = Some(bone);
+                while let Some(j) = at {
+                    inertia[j] += f64::from(b * weight * rest.distance_squared(self.joints[j]));
+                    at = self.body.packed.parents[j];
+                }
+            }
+        }
+        inertia
+    }
+
+    /// The objective at a pose without its priors, m^2; `scan` is `[V]` in the mesh's order.
     pub fn value(&self, pose: Pose, scan: &[Vec3]) -> f64 {
         let kinematics = self.kinematics(&PoseState::from_pose(pose));
         self.surface().value(&kinematics, &self.body.packed.sorted(scan))

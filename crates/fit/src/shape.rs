@@ -50,7 +50,7 @@ pub(crate) fn fit_shape(
     let scans: Vec<Vec<Vec3>> = frames.iter().map(|f| packed.sorted(f)).collect();
     let objective = |beta: &[f64]| {
         let beta: Vec<f32> = beta.iter().map(|b| *b as f32).collect();
-        Objective::new(weighted.clone(), kind, &body.shaped(&beta), None)
+        Objective::new(weighted.clone(), kind, &body.shaped(&beta), None).with_priors(config.pose_prior, 0.0)
     };
     let evaluate = |at: &Unknowns| -> Joint {
         let objective = objective(&at.beta);
@@ -62,7 +62,9 @@ pub(crate) fn fit_shape(
             let translations = shape_translations(&packed.parents, &kinematics, &moved);
             let cross = surface.cross(&kinematics, state, scan);
             let correctives = Correctives { gram: &weighted.gram, cross: &cross, with_shape: &with_shape };
-            reduce(&packed.parents, &kinematics, &sums, correctives, &translations)
+            let mut normal = reduce(&packed.parents, &kinematics, &sums, correctives, &translations);
+            objective.add_priors(&mut normal, &kinematics, state, None);
+            normal
         };
         let frames: Vec<Normal> = at.poses.par_iter().zip(&scans).map(normal).collect();
         let prior = config.shape_prior * at.beta.iter().map(|b| b * b).sum::<f64>();

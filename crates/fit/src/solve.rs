@@ -4,8 +4,7 @@ use crate::cross::Cross;
 use crate::normal::Normal;
 use crate::objective::Objective;
 use crate::pose_state::{Kinematics, PoseState};
-use glam::Vec3;
-use softtissue_geometry::left_jacobian;
+use glam::{Quat, Vec3};
 
 /// When a frame counts as solved.
 #[derive(Clone, Copy, Debug)]
@@ -111,20 +110,41 @@ impl Objective {
         };
         let mut normal = self.normal(kinematics, scan, &cross, &mut work.sums);
         work.cross = Some(cross);
-        if let (Some(before), true) = (before, self.smoothness > 0.0) {
-            let n = normal.gradient.len();
-            for (j, turn) in state.turn_since(before).into_iter().enumerate() {
-                // d log(exp(d) R) = J_l^-1 d to first order, and J_l^-T w = w: the gradient is the turn itself
-                debug_assert!((left_jacobian(turn) * turn).abs_diff_eq(turn, 1e-3));
-                let world = kinematics.parent_rotations[j] * turn;
-                normal.value += self.smoothness * f64::from(turn.length_squared());
-                for c in 0..3 {
-                    normal.gradient[3 * j + c] += self.smoothness * f64::from(world[c]);
-                    normal.hessian[(3 * j + c) * n + 3 * j + c] += self.smoothness;
-                }
-            }
-        }
+        self.add_priors(&mut normal, kinematics, state, before);
         normal
+    }
+
+    /// Adds the pull of the joints towards rest and towards the frame before.
+    pub(crate) fn add_priors(
+        &self,
+        normal: &mut Normal,
+        kinematics: &Kinematics,
+        state: &PoseState,
+        before: Option<&PoseState>,
+    ) {
+        let at_rest =
+            PoseState { rotations: vec![Quat::IDENTITY; state.rotations.len()], translation: state.translation };
+        if !self.pose_prior.is_empty() {
+            pull(normal, kinematics, &state.turn_since(&at_rest), |j| self.pose_prior[j], 1);
+        }
+        if let (Some(before), true) = (before, self.smoothness > 0.0) {
+            pull(normal, kinematics, &state.turn_since(before), |_| self.smoothness, 0);
+        }
+    }
+}
+
+/// Adds weighted squared turns of the joints from `first` on.
+fn pull(normal: &mut Normal, kinematics: &Kinematics, turns: &[Vec3], weight_of: impl Fn(usize) -> f64, first: usize) {
+    let n = normal.gradient.len();
+    for (j, turn) in turns.iter().enumerate().skip(first) {
+        let weight = weight_of(j);
+        // log(exp(d) R) changes by J^-1 d with J the left Jacobian, and J^-T w = w: the gradient is the turn itself
+        let world = kinematics.parent_rotations[j] * *turn;
+        normal.value += weight * f64::from(turn.length_squared());
+        for c in 0..3 {
+            normal.gradient[3 * j + c] += weight * f64::from(world[c]);
+            normal.hessian[(3 * j + c) * n + 3 * j + c] += weight;
+        }
     }
 }
 

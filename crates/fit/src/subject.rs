@@ -52,7 +52,8 @@ pub(crate) fn fit_subject(
         return Err(FitError::Stopped);
     }
     let shaped = body.shaped(&beta);
-    let plain = Objective::new(weighted.clone(), config.objective, &shaped, None).with_smoothness(config.smoothness);
+    let plain = Objective::new(weighted.clone(), config.objective, &shaped, None)
+        .with_priors(config.pose_prior, config.smoothness);
     let mut model = SubjectModel {
         name: name.to_owned(),
         beta,
@@ -74,7 +75,7 @@ pub(crate) fn fit_subject(
     }
     let weighted = WeightedBody::new(packed.clone(), &model.fit_weight);
     let objective = Objective::new(weighted, config.objective, &shaped, Some(&model.template));
-    model.objective = objective.with_smoothness(config.smoothness);
+    model.objective = objective.with_priors(config.pose_prior, config.smoothness);
     Ok(model)
 }
 

@@ -158,7 +158,8 @@ fn correctives(template: &[Vec3], axes: &[Vec3]) -> Vec<Vec3> {
 pub fn smooth_pose(seed: u64, t: f32, size: f32) -> (Vec<Vec3>, Vec3) {
     let mut draws = Draws::new(seed, "smooth pose", 0, 0);
     let mut wave = |amplitude: f32| {
-        let (rate, phase, middle) = (draws.range(2.0, 6.0), draws.range(0.0, std::f64::consts::TAU), draws.range(-0.5, 0.5));
+        let (rate, phase, middle) =
+            (draws.range(2.0, 6.0), draws.range(0.0, std::f64::consts::TAU), draws.range(-0.5, 0.5));
         amplitude * ((rate * f64::from(t) + phase).sin() + middle) as f32
     };
     let mut rotations: Vec<Vec3> = (0..24).map(|_| Vec3::new(wave(size), wave(size), wave(size))).collect();
