@@ -68,6 +68,24 @@ fn nothing_is_left_to_train_on() {
 }
 
 #[test]
+fn own_scans_without_test_clips_are_not_judged_by_training_clips() {
+    let dir = folder("no-test-clips");
+    let train = |out: &str, more: &[&str]| {
+        let mut run = tiny_train(&tiny_config(&dir), &dir.join(out));
+        run.arg("--data").arg(tiny_scans()).args(["--set", "split.test_motions=[]"]).args(more);
+        Said::of(&run.output().expect("the command starts"))
+    };
+    train("judged", &[]).refused(2, &["one_leg_jump", "shake_hips", "split.test_motions", "--no-eval"]);
+    assert!(!dir.join("judged/config.toml").exists(), "there is no run to resume");
+    train("unjudged", &["--no-eval", "--set", "split.validation_motions=[]", "--set", "regressor.training.steps=2"])
+        .fine();
+    let manifest = std::fs::read_to_string(dir.join("unjudged/bundle/manifest.json")).expect("a manifest");
+    let manifest: serde_json::Value = serde_json::from_str(&manifest).expect("JSON");
+    assert_eq!(manifest["info"]["measured"], serde_json::json!({}), "nothing was measured on unseen clips");
+    softtissue(&["eval", &text(&dir.join("unjudged"))]).refused(3, &["split.test_motions"]);
+}
+
+#[test]
 fn output_folders_that_cannot_be() {
     let dir = folder("bad-out");
     let config = tiny_config(&dir);
@@ -284,6 +302,7 @@ fn inspect_tells_what_a_thing_is() {
     assert_eq!(json(&scans)["what"], "scan set");
     assert!(json(made)["what"].as_str().expect("a text").contains("generated scans"));
     assert!(json(&made.join("truth"))["what"].as_str().expect("a text").contains("truth"));
+    assert_eq!(json(made.parent().expect("the cache"))["what"], "cache");
     // A broken list is named, and not taken for another kind of set.
     let broken = folder("broken-set");
     std::fs::write(broken.join("index.json"), r#"{"schema": 1, "kind": "scan"}"#).expect("a file");

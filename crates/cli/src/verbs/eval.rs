@@ -2,7 +2,7 @@
 
 use crate::args::{EvalArgs, Protocol};
 use crate::exit::InputError;
-use crate::pipeline::{BundleMethod, Context, Opened, fold, heaviest, learn, needs_test_clips, open, prepare};
+use crate::pipeline::{BundleMethod, Context, Opened, fold, heaviest, learn, open, prepare};
 use crate::run_folder::RunFolder;
 use crate::settings::stored;
 use crate::signals::Signals;
@@ -33,7 +33,10 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
     let mut context = Context::new(&config, &terminal, &folder, provenance.data_dir.clone())?;
     let opened = open(&context, provenance.data.as_deref())?;
     let metrics = if args.protocol == Protocol::HeldOut {
-        needs_test_clips(&opened.split)?;
+        if opened.split.test.is_empty() {
+            let message = "left no clip out to judge by: train again with --set 'split.test_motions=[...]'";
+            return Err(InputError(format!("{} {message}", args.run.display())).into());
+        }
         context.learns = false;
         let job = prepare(&context, opened)?;
         let learned = learn(&context, &job.place, &job.body, &job.fit, &job.split, &folder.bundle())?;

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use softtissue_clips::{DeltaClip, FitSet, FittedSubject, MotionClip, ScanClip, ScanSet, TruthSet};
 use softtissue_geometry::Frames;
 use softtissue_import::{ImportLimits, read_mesh};
-use softtissue_store::TensorFile;
+use softtissue_store::{StoreError, TensorFile};
 use std::path::Path;
 
 /// Speeds above this look like a teleport, m/s.
@@ -102,7 +102,32 @@ fn folder(path: &Path) -> Result<Value> {
             "clips": entries(set.clips()), "problems": [],
         }));
     }
-    Err(InputError(format!("{}: no set of clips, run or bundle", path.display())).into())
+    let kept = kept_in_cache(path)?;
+    if kept.is_empty() {
+        return Err(InputError(format!("{}: no set of clips, run, bundle or cache", path.display())).into());
+    }
+    Ok(json!({"what": "cache", "kept": kept, "problems": []}))
+}
+
+/// What lies in a cache folder: bodies, imports, fits and generated scans.
+fn kept_in_cache(path: &Path) -> Result<Vec<String>> {
+    let entries = std::fs::read_dir(path).map_err(|e| StoreError::io("read", path, e))?;
+    let mut kept: Vec<String> = entries
+        .flatten()
+        .filter_map(|entry| {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let what = match name.split_once('-') {
+                Some(("body", _)) => "parametric body",
+                Some(("import", _)) => "imported scans",
+                Some(("fit", _)) => "fitted clips",
+                _ if entry.path().join("synth.json").exists() => "generated scans and their truth",
+                _ => return None,
+            };
+            Some(format!("{name}: {what}"))
+        })
+        .collect();
+    kept.sort();
+    Ok(kept)
 }
 
 fn run_folder(path: &Path) -> Result<Value> {
