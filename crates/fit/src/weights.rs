@@ -12,9 +12,10 @@ const RIGIDITY_FLOOR: f64 = 0.05;
 pub fn region_weights(regions: &RegionMap) -> Vec<f32> {
     let weight = |region: &Region| match region {
         Region::Head | Region::Hands | Region::Feet | Region::Rest => 1.0,
-        Region::Calves => 0.3,
-        Region::UpperArms | Region::Thighs => 0.15,
-        Region::Chest | Region::Buttocks | Region::Belly => 0.02,
+        Region::Calves => 0.5,
+        Region::UpperArms | Region::Thighs => 0.2,
+        Region::Chest | Region::Buttocks => 0.03,
+        Region::Belly => 0.02,
     };
     mean_one(regions.0.iter().map(weight).collect())
 }
