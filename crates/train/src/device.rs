@@ -11,10 +11,11 @@ pub fn parse(name: &str) -> Result<Device> {
     match name {
         "flex" => Ok(Device::flex()),
         #[cfg(feature = "ndarray")]
+        #[expect(deprecated, reason = "a second processor backend to hold flex against, as long as burn has it")]
         "ndarray" => Ok(Device::ndarray()),
         #[cfg(feature = "wgpu")]
         "wgpu" => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
-        "ndarray" | "wgpu" => Err(TrainError::Config(format!(
+        missing if ["ndarray", "wgpu"].contains(&missing) => Err(TrainError::Config(format!(
             "this build has no device {name:?}: build with `--features {name}`, or take `--device flex`"
         ))),
         _ => Err(TrainError::Config(format!("there is no device {name:?}: take flex, ndarray or wgpu"))),
