@@ -90,6 +90,9 @@ pub struct EvalConfig {
     pub decay_subjects: usize,
     /// Clips to play in the report. Default 2.
     pub playback_clips: usize,
+    /// Whether the clips are fitted once more with the posed objective, to be shown beside the unposed one
+    /// (Casas-Otaduy 2018 fig. 3). Costs as much as the fit. Default true.
+    pub compare_objectives: bool,
 }
 
 impl Default for Config {
@@ -136,7 +139,7 @@ impl Default for RegressorSection {
 
 impl Default for EvalConfig {
     fn default() -> Self {
-        Self { bounded_seconds: 600.0, decay_subjects: 2, playback_clips: 2 }
+        Self { bounded_seconds: 600.0, decay_subjects: 2, playback_clips: 2, compare_objectives: true }
     }
 }
 

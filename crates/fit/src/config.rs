@@ -57,6 +57,8 @@ pub struct FitConfig {
     /// scans and lags behind fast motion. Default 2e-5: without it the errors of joint accelerations on noisy scans are
     /// two to eight times the true accelerations (1e-5: a quarter of that, deltas no worse; 1e-3 lags).
     pub smoothness: f64,
+    /// Weight of the squared accelerations of joints and root.
+    pub clip_smoothness: f64,
     /// A frame is solved when the next step turns every joint by less than this, radians, and moves the root by less,
     /// metres. Default 5e-4.
     pub tolerance: f64,
@@ -84,6 +86,7 @@ impl Default for FitConfig {
             new_subject_frames: 24,
             pose_prior: 5e-6,
             smoothness: 2e-5,
+            clip_smoothness: 1.0,
             tolerance: 5e-4,
             least_gain: 5e-4,
             max_iterations: 30,
@@ -109,6 +112,7 @@ impl FitConfig {
         let not_negative = [
             ("shape_prior", self.shape_prior),
             ("smoothness", self.smoothness),
+            ("clip_smoothness", self.clip_smoothness),
             ("pose_prior", self.pose_prior),
             ("least_gain", self.least_gain),
         ];

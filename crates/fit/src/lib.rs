@@ -13,6 +13,7 @@
 
 mod accumulate;
 mod accuracy;
+mod banded;
 mod cholesky;
 mod config;
 mod cross;
@@ -24,6 +25,7 @@ mod packed;
 mod pose_state;
 mod set;
 mod shape;
+mod smooth;
 mod solve;
 mod start;
 mod subject;

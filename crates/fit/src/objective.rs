@@ -63,7 +63,7 @@ impl Objective {
     }
 
     /// Weighted mean squared distance from each joint of the vertices that hang below it, `[J]`, m^2.
-    fn inertia(&self) -> Vec<f64> {
+    pub(crate) fn inertia(&self) -> Vec<f64> {
         let mut inertia = vec![0.0; self.joints.len()];
         for ((bones, weight), rest) in self.body.packed.influences.iter().zip(self.body.weights.iter()).zip(&self.rest)
         {

@@ -140,7 +140,9 @@ fn fit_clip(
     monitor: &dyn Monitor,
 ) -> Result<ClipResult> {
     let scan = scans.scan(id)?;
-    let fitted = fit_motion(&subject.objective, &scan, 1, config, monitor)?;
+    let mut fitted = fit_motion(&subject.objective, &scan, 1, config, monitor)?;
+    let packed = &subject.objective.body.packed;
+    subject.objective.smooth(&mut fitted, config.clip_smoothness, |t| packed.sorted(scan.vertices.frame(t)));
     let distance_m = fitted.median_distance();
     let refused = distance_m > config.refuse_beyond;
     if refused && training {

@@ -96,7 +96,7 @@ impl Objective {
         Solution { state, value: normal.value, evaluations }
     }
 
-    fn normal_with_prior(
+    pub(crate) fn normal_with_prior(
         &self,
         kinematics: &Kinematics,
         state: &PoseState,

@@ -29,7 +29,9 @@ pub(crate) fn refined_weights(regions: &RegionMap, first: &[f32], strays: &[f64]
     }
     rigid.sort_by(f64::total_cmp);
     let usual = rigid[rigid.len() / 2].max(1e-6);
-    mean_one(first.iter().zip(strays).map(|(w, s)| f64::from(*w) / (1.0 + (s / usual).powi(2))).collect())
+    let e = |n: &str, d: f64| std::env::var(n).ok().and_then(|x| x.parse::<f64>().ok()).unwrap_or(d);
+    let (power, scale) = (e("F_POW", 2.0), e("F_SCALE", 1.0));
+    mean_one(first.iter().zip(strays).map(|(w, s)| f64::from(*w) / (1.0 + (s / usual / scale).powf(power))).collect())
 }
 
 /// Rms distance of each vertex from its mean over frames, `[V]`, metres.

@@ -48,8 +48,10 @@ pub fn judge_run(
     let mut metrics = tally.metrics("held-out", context.config.seed);
     metrics.subspace = context.timed("judge: subspaces", || judge_codecs(&scene, learned, clips, context))?;
     metrics.fit = context.timed("judge: fit", || Ok(judge_fit(&scene, &all(split), context.monitor)?))?;
-    metrics.fit_objectives =
-        context.timed("judge: fit objectives", || scans.compare_objectives(context, body, split, &scene))?;
+    if context.config.eval.compare_objectives {
+        metrics.fit_objectives =
+            context.timed("judge: fit objectives", || scans.compare_objectives(context, body, split, &scene))?;
+    }
     if context.config.eval.bounded_seconds > 0.0 {
         context.timed("judge: long rollout", || bounded(&mut metrics, &scene, split, &ours, context))?;
     }

@@ -67,6 +67,7 @@ pub fn learn_ladder(
         let other =
             FeatureSet { descriptor: dyna.config(), blocks: dyna.blocks(), train: &train, validation: &validation };
         let (ladder, scores) = Ladder::fit(&context.config.ladder, basis, body, own, other)?;
+        for s in &scores { context.monitor.say(&format!("    {} {:?}", s.name, s)); }
         let shortcut = match context.config.regressor.shortcut {
             ShortcutKind::Resonators => "resonators",
             ShortcutKind::Linear => "ridge",

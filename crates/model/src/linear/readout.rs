@@ -24,6 +24,9 @@ pub struct ReadoutConfig {
     pub strengths: Vec<f64>,
     /// Every how many-th frame is an equation. Default 3: neighbours say nearly the same, and the fit costs the cube.
     pub frame_stride: usize,
+    /// Part of the frame before that is taken off each equation, 0 to below 1: what a scanner and a fit add drifts
+    /// slowly, and generalised least squares with an AR(1) error gives slow parts less weight. Default 0.9.
+    pub whitening: f32,
 }
 
 impl Default for ReadoutConfig {
@@ -35,6 +38,7 @@ impl Default for ReadoutConfig {
             shape_terms: vec![vec![], vec![0, 1], vec![0, 2]],
             strengths: vec![1e-5, 1e-4, 1e-3, 1e-2, 1e-1],
             frame_stride: 3,
+            whitening: 0.9,
         }
     }
 }
@@ -76,13 +80,18 @@ pub fn fit_readout(
     validation: &[TrainingClip],
     score: &SoftScore,
 ) -> Result<Selected<plain::Regressor>, ModelError> {
+    if !(0.0..1.0).contains(&config.whitening) {
+        let message = format!("whitening is {}; write 0 or more and less than 1", config.whitening);
+        return Err(ModelError::Config(message));
+    }
     let mut regressor = untrained(config, blocks, fps, train)?;
     let stride = config.frame_stride.max(1);
-    let rows: Vec<Equations> = train.par_iter().map(|clip| equations(&regressor, clip, stride)).collect();
+    let rows: Vec<Equations> = train.par_iter().map(|clip| whitened(&regressor, clip, stride, config.whitening)).collect();
     let ridge = Ridge::new(&rows)?;
     let held: Vec<Equations> = validation.par_iter().map(|clip| equations(&regressor, clip, 1)).collect();
     let (readout, strength, score, tried) = select(&config.strengths, |strength| {
-        let readout = ridge.solve(strength)?;
+        let mut readout = ridge.solve(strength)?;
+        readout.bias.iter_mut().for_each(|b| *b /= 1.0 - config.whitening);
         let clips: Vec<Score> =
             held.par_iter().map(|clip| score.clip(&predict(&readout, clip), &clip.targets)).collect();
         Ok((readout, clips))
@@ -210,6 +219,24 @@ fn equations(regressor: &plain::Regressor, clip: &TrainingClip, stride: usize) -
     }
     let statics = regressor.scaled_shape(&clip.beta);
     Equations { memory, factors: regressor.shape_factors(&statics), statics, targets, rows }
+}
+
+/// Every `stride`-th frame's equation less a part of the one before; the first frame has none before it and is left out.
+fn whitened(regressor: &plain::Regressor, clip: &TrainingClip, stride: usize, part: f32) -> Equations {
+    let all = equations(regressor, clip, 1);
+    let kept: Vec<usize> = (1..all.rows).step_by(stride).collect();
+    let less = |x: &[f32]| -> Vec<f32> {
+        let width = x.len() / all.rows.max(1);
+        let row = |t: usize| &x[t * width..(t + 1) * width];
+        kept.iter().flat_map(|&t| row(t).iter().zip(row(t - 1)).map(|(now, before)| now - part * before)).collect()
+    };
+    Equations {
+        memory: less(&all.memory),
+        targets: less(&all.targets),
+        rows: kept.len(),
+        statics: all.statics.iter().map(|x| (1.0 - part) * x).collect(),
+        factors: all.factors,
+    }
 }
 
 /// What a readout gives for a clip, `[T, L]`.
