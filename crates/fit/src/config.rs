@@ -18,8 +18,30 @@ pub enum ObjectiveKind {
 pub enum Solver {
     /// Levenberg-Marquardt with analytic derivatives: this crate.
     LevenbergMarquardt,
-    /// Adam through automatic differentiation: the slow reference, which lives where the networks are trained.
+    /// Adam through automatic differentiation, for the poses of whole clips: the slow reference, which lives where the
+    /// networks are trained. Shape, subject template and weights stay Levenberg-Marquardt's.
     Adam,
+}
+
+/// How the second solver is run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AdamFitConfig {
+    /// First step size, radians and metres. Default 0.02.
+    pub learning_rate: f64,
+    /// Share of the step size that is left at the last iteration; it falls along a cosine. 1 keeps it, and Adam then
+    /// circles the minimum. Default 0.
+    pub final_share: f64,
+    /// Iterations. Default 300.
+    pub iterations: u64,
+    /// Frames at a time; more take more memory. Default 32.
+    pub batch: usize,
+}
+
+impl Default for AdamFitConfig {
+    fn default() -> Self {
+        Self { learning_rate: 0.02, final_share: 0.0, iterations: 300, batch: 32 }
+    }
 }
 
 /// Settings of the fit. The defaults are measured on synthetic scans.
@@ -28,7 +50,8 @@ pub enum Solver {
 pub struct FitConfig {
     /// Default `unposed`.
     pub objective: ObjectiveKind,
-    /// Default `levenberg-marquardt`.
+    /// What finds the clips' poses: `levenberg-marquardt` (default), or `adam`, the slow reference. Shape, subject
+    /// template and weights are `levenberg-marquardt`'s always.
     pub solver: Solver,
     /// Whether what is static in a subject beyond the shape space is taken out of its deltas, and of the pose fit.
     /// `false` gives the papers' literal deltas. Default true.
@@ -68,6 +91,8 @@ pub struct FitConfig {
     /// Weighted rms distance, metres, beyond which a clip is held to be of another body or in other units.
     /// Default 0.15.
     pub refuse_beyond: f64,
+    /// How the solver `adam` is run.
+    pub adam: AdamFitConfig,
 }
 
 impl Default for FitConfig {
@@ -88,6 +113,7 @@ impl Default for FitConfig {
             least_gain: 5e-4,
             max_iterations: 30,
             refuse_beyond: 0.15,
+            adam: AdamFitConfig::default(),
         }
     }
 }
@@ -100,6 +126,8 @@ impl FitConfig {
             ("first_pass_stride", self.first_pass_stride),
             ("new_subject_frames", self.new_subject_frames),
             ("max_iterations", self.max_iterations),
+            ("adam.iterations", self.adam.iterations as usize),
+            ("adam.batch", self.adam.batch),
         ];
         for (field, value) in at_least_one {
             if value == 0 {
@@ -117,7 +145,11 @@ impl FitConfig {
                 return Err(FitError::Config { field, value: value.to_string(), remedy: "write 0 or more" });
             }
         }
-        let positive = [("tolerance", self.tolerance), ("refuse_beyond", self.refuse_beyond)];
+        let positive = [
+            ("tolerance", self.tolerance),
+            ("refuse_beyond", self.refuse_beyond),
+            ("adam.learning_rate", self.adam.learning_rate),
+        ];
         for (field, value) in positive {
             if !(value.is_finite() && value > 0.0) {
                 return Err(FitError::Config { field, value: value.to_string(), remedy: "write more than 0" });
@@ -127,9 +159,9 @@ impl FitConfig {
             let (field, value) = ("template_share", self.template_share.to_string());
             return Err(FitError::Config { field, value, remedy: "write more than 0 and at most 1" });
         }
-        if self.solver == Solver::Adam {
-            let remedy = "this pipeline solves with \"levenberg-marquardt\"; adam is a reference for comparisons only";
-            return Err(FitError::Config { field: "solver", value: "\"adam\"".into(), remedy });
+        if !(0.0..=1.0).contains(&self.adam.final_share) {
+            let (field, value) = ("adam.final_share", self.adam.final_share.to_string());
+            return Err(FitError::Config { field, value, remedy: "write 0 to 1" });
         }
         Ok(())
     }
