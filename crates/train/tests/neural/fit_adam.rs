@@ -138,6 +138,25 @@ fn the_priors_are_the_analytic_fits() {
     }
 }
 
+#[test]
+fn the_frame_before_a_batch_counts() {
+    let case = case();
+    let fit = case.reference(ObjectiveKind::Unposed).with_priors(&[], 1e-3);
+    let once = AdamFitConfig { iterations: 1, ..AdamFitConfig::default() };
+    let first = |before: Option<&[Vec3]>| {
+        fit.fit(&once, before, &case.rotations, &case.translations, &case.scans, &Silent).expect("a fit").values[0]
+            .clone()
+    };
+    // A tenth further about the same axes.
+    let start = case.rotations.frame(0);
+    let before: Vec<Vec3> = start.iter().map(|w| *w * 1.1).collect();
+    let turned: f32 = start.iter().map(|w| 0.01 * w.length_squared()).sum();
+    let (with, without) = (first(Some(&before)), first(None));
+    let (found, wanted) = (with[0] - without[0], 1e-3 * f64::from(turned));
+    assert!(wanted > 1e-6 && (found - wanted).abs() < 0.01 * wanted, "{found} {wanted}");
+    assert_eq!(with[1..], without[1..], "the others follow frames of the batch");
+}
+
 /// The case's scans as a set of one clip.
 fn scan_set(case: &Case, root: &Path) -> (ScanSet, Split) {
     let id = ClipId::new("s", "m", 0);
@@ -204,8 +223,17 @@ fn as_the_second_solver_it_makes_the_same_fit() {
     assert!((found - wanted).abs() < 0.02 * wanted, "Adam {found} mm, Levenberg-Marquardt {wanted} mm");
     let id = &split.train[0];
     assert_eq!(analytic.subject("s").expect("a subject").beta, adam.subject("s").expect("a subject").beta);
+
+    // With nothing between the frames, and both at the end of what they can, the minimum is one and so are the deltas.
+    let alone = FitConfig { smoothness: 0.0, tolerance: 1e-6, least_gain: 0.0, max_iterations: 100, ..config.clone() };
+    let alone = FitConfig { adam: AdamFitConfig { iterations: 1000, ..AdamFitConfig::default() }, ..alone };
+    let analytic = FitConfig { solver: Solver::LevenbergMarquardt, ..alone.clone() };
+    let analytic =
+        fit_set(&scans, &split, &case.body, &analytic, &dir.path().join("lm-alone"), &Silent).expect("a fit");
+    let adam = by_adam(&alone, "adam-alone", &Silent).expect("a fit");
     let [a, b] = [&analytic, &adam].map(|fit| fit.deltas(id).expect("deltas").deltas);
     let apart = a.points().iter().zip(b.points()).map(|(x, y)| x.distance(*y)).sum::<f32>() / a.points().len() as f32;
+    println!("deltas {apart} m apart");
     assert!(apart < 5e-4, "deltas {apart} m apart");
 
     // The built-in fit does not stand in for a solver that it has not got, and a stop ends the fit midway.
