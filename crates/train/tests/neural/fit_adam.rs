@@ -233,8 +233,7 @@ fn as_the_second_solver_it_makes_the_same_fit() {
     let adam = by_adam(&alone, "adam-alone", &Silent).expect("a fit");
     let [a, b] = [&analytic, &adam].map(|fit| fit.deltas(id).expect("deltas").deltas);
     let apart = a.points().iter().zip(b.points()).map(|(x, y)| x.distance(*y)).sum::<f32>() / a.points().len() as f32;
-    println!("deltas {apart} m apart");
-    assert!(apart < 5e-4, "deltas {apart} m apart");
+    assert!(apart < 3e-4, "deltas {apart} m apart");
 
     // The built-in fit does not stand in for a solver that it has not got, and a stop ends the fit midway.
     let refused = fit_set(&scans, &split, &case.body, &config, &dir.path().join("no"), &Silent).unwrap_err();
