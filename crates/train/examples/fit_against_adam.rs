@@ -26,11 +26,11 @@ use std::time::{Duration, Instant};
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 /// Frames that are timed; before `FIRST` the person stands.
-const FRAMES: usize = 32;
+const FRAMES: usize = 16;
 const FIRST: usize = 60;
-const RATES: [f64; 3] = [0.005, 0.015, 0.045];
-const ITERATIONS: u64 = 160;
-const BATCHES: [usize; 4] = [4, 8, 16, 32];
+const RATES: [f64; 3] = [0.01, 0.03, 0.09];
+const ITERATIONS: u64 = 600;
+const BATCHES: [usize; 4] = [2, 4, 8, 16];
 /// Near enough to the lowest objective.
 const NEAR: f64 = 1.01;
 /// Evaluations a frame that the analytic fit gets at most.
@@ -138,15 +138,18 @@ impl<'a> Case<'a> {
             let iterations: f64 = arrivals.iter().map(|i| i.map_or(ITERATIONS as f64, |i| i as f64 + 1.0)).sum();
             let ms = 1e3 * run.seconds_an_iteration * iterations / count;
             best = best.min(ms);
+            let above = |v: &[f64]| v.iter().zip(&lowest).map(|(v, low)| v / low - 1.0).sum::<f64>() / count;
+            let least = run.values.iter().map(|v| above(v)).fold(f64::INFINITY, f64::min);
             println!(
-                "adam, rate {} {}: {}{ms:.0} ms a frame, {:.0} iterations, {there} of {FRAMES} frames came there",
+                "adam, rate {} {}: {}{ms:.0} ms a frame, {:.0} iterations, {there} of {FRAMES} frames came there, least {:.1} % above on average",
                 config.learning_rate,
                 if config.final_share == 1.0 { "kept" } else { "falling to 0" },
                 if there < FRAMES { "at least " } else { "" },
                 iterations / count,
+                100.0 * least,
             );
         }
-        println!("adam at its best takes {:.1} times as long", best / own_ms);
+        println!("adam at its best takes at least {:.1} times as long", best / own_ms);
         Ok(())
     }
 
