@@ -27,6 +27,8 @@ fn settings_that_make_no_sense() {
     check("subspace.training.batch=0").refused(2, &["subspace.training.batch"]);
     check("subspace.training.dropout=1.0").refused(2, &["dropout"]);
     check("regressor.training.adam.beta_2=1.5").refused(2, &["beta_2"]);
+    check("fit.solver=newton").refused(2, &["newton"]);
+    check("fit.adam.batch=0").refused(2, &["fit.adam.batch"]);
     check("ladder.ar2.strengths=[]").refused(2, &["ladder.ar2.strengths"]);
     check("train.keep_last=0").refused(2, &["train.keep_last"]);
     check("device=tpu").refused(2, &["tpu", "flex"]);

@@ -1,6 +1,6 @@
 //! Arguments, settings and what is printed.
 
-use crate::support::{command, folder, softtissue, tiny_config};
+use crate::support::{command, data_dir, folder, softtissue, tiny_config, tiny_scans};
 use std::process::Stdio;
 
 #[test]
@@ -42,6 +42,22 @@ fn a_dry_run_says_what_it_would_do_and_does_nothing() {
     ]);
     assert!(said.fine().out.contains("8 clips"), "{}", said.out);
     assert!(!out.exists());
+}
+
+#[test]
+fn the_second_solver_of_the_fit_is_reached_by_a_setting() {
+    let (scans, dir) = (tiny_scans(), folder("adam"));
+    let [config, scans, data, out] =
+        [tiny_config(&dir), scans, data_dir(), dir.join("fit")].map(|path| path.display().to_string());
+    let settings = ["--set", "fit.solver=adam", "--set", "fit.adam.iterations=3"];
+    let said = softtissue(
+        &[&["fit", &scans, "--config", &config, "--data-dir", &data, "--out", &out], settings.as_slice()].concat(),
+    );
+    assert!(said.fine().out.contains("8 clips fitted"), "{}", said.out);
+    let quality = std::fs::read(dir.join("fit/quality.json")).expect("a file");
+    let quality: serde_json::Value = serde_json::from_slice(&quality).expect("JSON");
+    // The start and three iterations, which no other solver spends on every frame.
+    assert!(quality.as_array().expect("clips").iter().all(|clip| clip["evaluations"] == 4.0), "{quality}");
 }
 
 #[test]

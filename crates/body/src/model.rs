@@ -127,6 +127,12 @@ impl Skeleton {
         }
         below
     }
+    /// `[J]` whether a joint is the root or bends the trunk: spine, neck, collars.
+    pub fn trunk(&self) -> Vec<bool> {
+        let bends = |name: &String| ["spine", "neck", "collar"].iter().any(|part| name.contains(part));
+        self.names.iter().enumerate().map(|(j, name)| j == 0 || bends(name)).collect()
+    }
+
     /// Index of a joint by name.
     pub fn index(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|n| n == name)

@@ -95,6 +95,7 @@ fn of_fit(error: &FitError) -> Exit {
         FitError::Body(e) => of_body(e),
         FitError::Store(e) => of_store(e),
         FitError::Config { .. } => Exit::Usage,
+        FitError::Solver { .. } => Exit::Diverged,
         FitError::Stopped => Exit::Interrupted,
         _ => Exit::BadInput,
     }

@@ -18,8 +18,30 @@ pub enum ObjectiveKind {
 pub enum Solver {
     /// Levenberg-Marquardt with analytic derivatives: this crate.
     LevenbergMarquardt,
-    /// Adam through automatic differentiation: the slow reference, which lives where the networks are trained.
+    /// Adam through automatic differentiation, for the poses of whole clips: the slow reference, which lives where the
+    /// networks are trained. Shape, subject template and weights stay Levenberg-Marquardt's.
     Adam,
+}
+
+/// How the second solver is run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AdamFitConfig {
+    /// First step size, radians and metres. Default 0.02.
+    pub learning_rate: f64,
+    /// Share of the step size that is left at the last iteration; it falls along a cosine. 1 keeps it, and Adam then
+    /// circles the minimum. Default 0.
+    pub final_share: f64,
+    /// Iterations. Default 300.
+    pub iterations: u64,
+    /// Frames at a time; more take more memory. Default 32.
+    pub batch: usize,
+}
+
+impl Default for AdamFitConfig {
+    fn default() -> Self {
+        Self { learning_rate: 0.02, final_share: 0.0, iterations: 300, batch: 32 }
+    }
 }
 
 /// Settings of the fit. The defaults are measured on synthetic scans.
@@ -28,7 +50,8 @@ pub enum Solver {
 pub struct FitConfig {
     /// Default `unposed`.
     pub objective: ObjectiveKind,
-    /// Default `levenberg-marquardt`.
+    /// What finds the clips' poses: `levenberg-marquardt` (default), or `adam`, the slow reference. Shape, subject
+    /// template and weights are `levenberg-marquardt`'s always.
     pub solver: Solver,
     /// Whether what is static in a subject beyond the shape space is taken out of its deltas, and of the pose fit.
     /// `false` gives the papers' literal deltas. Default true.
@@ -44,7 +67,7 @@ pub struct FitConfig {
     /// Every how-manieth frame the first pass fits, which only serves the subject template and the weights.
     /// Default 4.
     pub first_pass_stride: usize,
-    /// Share of the first pass's frames, the slowest ones, that the subject template is the mean of. Default 0.12.
+    /// Share of the first pass's frames, the slowest ones, that the subject template is the mean of. Default 0.4.
     pub template_share: f64,
     /// Frames at the start of each clip that shape and template of a subject without training clips come from.
     /// Default 24.
@@ -53,12 +76,17 @@ pub struct FitConfig {
     /// distance of what hangs below the joint. What the surface hardly tells (how a twist is shared along the spine,
     /// or between collar and shoulder) is shared evenly; larger biases every joint towards rest. Default 5e-6.
     pub pose_prior: f64,
-    /// Weight of the squared change of the joint angles since the frame before, m^2/rad^2 a joint; steadies noisy
-    /// scans and lags behind fast motion. Default 2e-5: without it the errors of joint accelerations on noisy scans are
-    /// two to eight times the true accelerations (1e-5: a quarter of that, deltas no worse; 1e-3 lags).
+    /// Weight of the squared change of the joint angles since the frame before, m^2/rad^2 a joint, while frames are
+    /// solved one by one; holds joints that a noisy scan hardly shows, and lags behind fast motion where it is more.
+    /// Default 2e-6.
     pub smoothness: f64,
-    /// Weight of the squared accelerations of joints and root.
-    pub clip_smoothness: f64,
+    /// When a clip's frames are solved together after they were solved one by one, accelerations cost something: a
+    /// limb's joint that the surface sees with all that hangs on it is low-passed, without lag, at about this many Hz, a
+    /// joint that it sees less at fewer. 0: accelerations of limbs are free. Default 50.
+    pub limb_hz: f64,
+    /// The same for the root, spine, neck and collars. They move slowly, and what swings fast in them is flesh that the
+    /// pose took up. Default 17. With both 0 the clip is left as it was solved frame by frame.
+    pub trunk_hz: f64,
     /// A frame is solved when the next step turns every joint by less than this, radians, and moves the root by less,
     /// metres. Default 5e-4.
     pub tolerance: f64,
@@ -70,6 +98,8 @@ pub struct FitConfig {
     /// Weighted rms distance, metres, beyond which a clip is held to be of another body or in other units.
     /// Default 0.15.
     pub refuse_beyond: f64,
+    /// How the solver `adam` is run.
+    pub adam: AdamFitConfig,
 }
 
 impl Default for FitConfig {
@@ -82,15 +112,17 @@ impl Default for FitConfig {
             shape_frames: 16,
             shape_prior: 1e-7,
             first_pass_stride: 4,
-            template_share: 0.12,
+            template_share: 0.4,
             new_subject_frames: 24,
             pose_prior: 5e-6,
-            smoothness: 2e-5,
-            clip_smoothness: 1.0,
+            smoothness: 2e-6,
+            limb_hz: 50.0,
+            trunk_hz: 17.0,
             tolerance: 5e-4,
             least_gain: 5e-4,
             max_iterations: 30,
             refuse_beyond: 0.15,
+            adam: AdamFitConfig::default(),
         }
     }
 }
@@ -103,6 +135,8 @@ impl FitConfig {
             ("first_pass_stride", self.first_pass_stride),
             ("new_subject_frames", self.new_subject_frames),
             ("max_iterations", self.max_iterations),
+            ("adam.iterations", self.adam.iterations as usize),
+            ("adam.batch", self.adam.batch),
         ];
         for (field, value) in at_least_one {
             if value == 0 {
@@ -112,7 +146,8 @@ impl FitConfig {
         let not_negative = [
             ("shape_prior", self.shape_prior),
             ("smoothness", self.smoothness),
-            ("clip_smoothness", self.clip_smoothness),
+            ("limb_hz", self.limb_hz),
+            ("trunk_hz", self.trunk_hz),
             ("pose_prior", self.pose_prior),
             ("least_gain", self.least_gain),
         ];
@@ -121,7 +156,11 @@ impl FitConfig {
                 return Err(FitError::Config { field, value: value.to_string(), remedy: "write 0 or more" });
             }
         }
-        let positive = [("tolerance", self.tolerance), ("refuse_beyond", self.refuse_beyond)];
+        let positive = [
+            ("tolerance", self.tolerance),
+            ("refuse_beyond", self.refuse_beyond),
+            ("adam.learning_rate", self.adam.learning_rate),
+        ];
         for (field, value) in positive {
             if !(value.is_finite() && value > 0.0) {
                 return Err(FitError::Config { field, value: value.to_string(), remedy: "write more than 0" });
@@ -131,9 +170,9 @@ impl FitConfig {
             let (field, value) = ("template_share", self.template_share.to_string());
             return Err(FitError::Config { field, value, remedy: "write more than 0 and at most 1" });
         }
-        if self.solver == Solver::Adam {
-            let remedy = "this pipeline solves with \"levenberg-marquardt\"; adam is a reference for comparisons only";
-            return Err(FitError::Config { field: "solver", value: "\"adam\"".into(), remedy });
+        if !(0.0..=1.0).contains(&self.adam.final_share) {
+            let (field, value) = ("adam.final_share", self.adam.final_share.to_string());
+            return Err(FitError::Config { field, value, remedy: "write 0 to 1" });
         }
         Ok(())
     }

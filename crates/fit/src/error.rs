@@ -67,6 +67,14 @@ pub enum FitError {
         /// What it may be.
         remedy: &'static str,
     },
+    /// A solver's own failure.
+    #[error("clip {clip}: {reason}")]
+    Solver {
+        /// Which clip.
+        clip: ClipId,
+        /// What happened, and what to do.
+        reason: String,
+    },
     /// The user asked to stop; nothing is finished, and the same command starts the fit again.
     #[error("the fit was stopped before it finished")]
     Stopped,

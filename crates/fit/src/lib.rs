@@ -4,6 +4,7 @@
 //!   the posed one (SoftSMPL 2020 eq. 4). The Gauss-Newton matrix is summed over bone twists and carried down the
 //!   chain once a frame, so its cost does not grow with the skeleton's depth.
 //!   Weak priors share out what the surface hardly tells.
+//! - Another solver of the poses can stand in for this crate's through [`PoseSolver`], by [`fit_set_with`].
 //! - Shape: from the first frames of a subject's training clips, poses free.
 //! - Deltas: SoftSMPL eq. 3, with what is static in a subject (AutoAvatar 2022, appendix A) taken out by default.
 //! - Two weights: `fit_weight` is high on rigid parts and steers the pose fit; `rigidity_weight` (Casas-Otaduy eq. 7)
@@ -27,18 +28,20 @@ mod set;
 mod shape;
 mod smooth;
 mod solve;
+mod solver;
 mod start;
 mod subject;
 mod template;
 mod weights;
 
 pub use accuracy::{AccuracySum, ClipComparison, FitAccuracy};
-pub use config::{FitConfig, ObjectiveKind, Solver};
+pub use config::{AdamFitConfig, FitConfig, ObjectiveKind, Solver};
 pub use error::FitError;
 pub use motion::{FittedMotion, fit_motion};
 pub use objective::{Objective, WeightedBody};
 pub use packed::PackedBody;
-pub use set::{ClipQuality, fit_set};
+pub use set::{ClipQuality, fit_set, fit_set_with};
+pub use solver::{LevenbergMarquardt, PoseProblem, PoseSolver, StartPoses};
 pub use weights::region_weights;
 
 /// Result of this crate.

@@ -49,8 +49,7 @@ pub fn fit_motion(
         return Err(FitError::Empty(scan.id.clone()));
     }
     let packed = &objective.body.packed;
-    let stop =
-        Stop { tolerance: config.tolerance, least_gain: config.least_gain, max_iterations: config.max_iterations };
+    let stop = Stop::of(config);
     let mut work = Workspace::new(objective);
     let frames = scan.vertices.len().div_ceil(stride);
     let mut fitted = FittedMotion { states: Vec::with_capacity(frames), values: vec![], evaluations: vec![] };

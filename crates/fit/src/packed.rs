@@ -32,6 +32,8 @@ impl Influences {
 pub struct PackedBody {
     pub(crate) joint_count: usize,
     pub(crate) parents: Vec<Option<usize>>,
+    /// Joints of the trunk, `[J]`.
+    pub(crate) trunk: Vec<bool>,
     /// Vertex of the mesh at each place, `[V]`.
     pub(crate) order: Vec<u32>,
     pub(crate) influences: Vec<Influences>,
@@ -66,6 +68,7 @@ impl PackedBody {
         Self {
             joint_count: body.joint_count(),
             parents: body.skeleton.parents.iter().map(|p| p.map(usize::from)).collect(),
+            trunk: body.skeleton.trunk(),
             order,
             influences,
             directions,

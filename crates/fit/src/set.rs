@@ -1,9 +1,10 @@
-use crate::motion::{FittedMotion, fit_motion};
+use crate::motion::FittedMotion;
 use crate::objective::Objective;
 use crate::packed::PackedBody;
+use crate::solver::{LevenbergMarquardt, PoseProblem, PoseSolver};
 use crate::subject::{SubjectModel, fit_subject};
 use crate::weights::{VelocityChange, mean_weights, rigidity_weights};
-use crate::{FitConfig, FitError, Result};
+use crate::{FitConfig, FitError, Result, Solver};
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -30,6 +31,22 @@ pub struct ClipQuality {
     pub refused: bool,
 }
 
+/// [`fit_set_with`] this crate's own solver, which `fit.solver` must name.
+pub fn fit_set(
+    scans: &ScanSet,
+    split: &Split,
+    body: &BodyModel,
+    config: &FitConfig,
+    out: &Path,
+    monitor: &dyn Monitor,
+) -> Result<FitSet> {
+    if config.solver != Solver::LevenbergMarquardt {
+        let remedy = "write \"levenberg-marquardt\" where no other solver is at hand";
+        return Err(FitError::Config { field: "solver", value: "\"adam\"".into(), remedy });
+    }
+    fit_set_with(&LevenbergMarquardt(config), scans, split, body, config, out, monitor)
+}
+
 /// Fits all clips of a split and writes the fit set: `motions/`, `deltas/`, `subjects/`, `quality.json` and, last,
 /// `index.json`.
 ///
@@ -37,7 +54,11 @@ pub struct ClipQuality {
 /// gets shape and template from the first `fit.new_subject_frames` frames of each of its own clips and weights from
 /// the mean over training subjects. So nothing of a left-out clip reaches another clip of a subject that trains. A
 /// left-out clip that cannot be fitted is reported, not an error; a training clip is an error.
-pub fn fit_set(
+///
+/// `solver` finds the clips' poses. What a subject is comes from this crate's own, whichever it is: it needs a few
+/// frames only.
+pub fn fit_set_with(
+    solver: &dyn PoseSolver,
     scans: &ScanSet,
     split: &Split,
     body: &BodyModel,
@@ -59,7 +80,7 @@ pub fn fit_set(
     let fit_one = |id: &&ClipId| {
         let subject = subjects.iter().find(|s| s.name == id.subject).expect("every subject of the split is fitted");
         let training = split.part(id) == Some(Part::Train);
-        fit_clip(scans, id, subject, training, &adjacency, config, out, monitor)
+        fit_clip(solver, scans, body, id, subject, training, &adjacency, config, out, monitor)
     };
     let clips: Vec<ClipResult> = ids.par_iter().map(fit_one).collect::<Result<_>>()?;
     monitor.end();
@@ -130,7 +151,9 @@ struct ClipResult {
 
 #[expect(clippy::too_many_arguments, reason = "one clip's whole context, used in one place")]
 fn fit_clip(
+    solver: &dyn PoseSolver,
     scans: &ScanSet,
+    body: &BodyModel,
     id: &ClipId,
     subject: &SubjectModel,
     training: bool,
@@ -140,9 +163,11 @@ fn fit_clip(
     monitor: &dyn Monitor,
 ) -> Result<ClipResult> {
     let scan = scans.scan(id)?;
-    let mut fitted = fit_motion(&subject.objective, &scan, 1, config, monitor)?;
-    let packed = &subject.objective.body.packed;
-    subject.objective.smooth(&mut fitted, config.clip_smoothness, |t| packed.sorted(scan.vertices.frame(t)));
+    let SubjectModel { template, fit_weight, objective, .. } = subject;
+    let shaped = body.shaped(&subject.beta);
+    let problem = PoseProblem { body, shaped: &shaped, template, fit_weight, objective };
+    let mut fitted = solver.solve_clip(&problem, &scan, monitor)?;
+    objective.smooth(&mut fitted, &scan, config, monitor)?;
     let distance_m = fitted.median_distance();
     let refused = distance_m > config.refuse_beyond;
     if refused && training {

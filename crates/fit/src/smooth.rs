@@ -7,14 +7,19 @@ use crate::motion::FittedMotion;
 use crate::objective::Objective;
 use crate::pose_state::{Kinematics, PoseState};
 use crate::solve::Workspace;
+use crate::{FitConfig, FitError, Result};
 use glam::{Mat3A, Vec3};
+use softtissue_clips::ScanClip;
+use softtissue_monitor::Monitor;
 
 /// Frames that are solved together at most; longer clips are solved piece by piece, ...
-const PIECE: usize = 400;
+const PIECE: usize = 200;
 /// ... of which the last frames are solved again with the next.
 const OVERLAP: usize = 40;
 /// Steps at most.
 const MAX_STEPS: usize = 4;
+const FIRST_DAMPING: f64 = 1e-6;
+const MOST_DAMPING: f64 = 1e3;
 /// Largest step, radians and metres, at which the poses count as found.
 const TOLERANCE: f64 = 5e-4;
 
@@ -25,51 +30,68 @@ struct Local {
     hessian: Vec<f64>,
 }
 
-/// What accelerations cost: `[3 J + 3]`, in the order of a step's entries.
+/// What squared second differences cost: `[3 J + 3]`, in the order of a step's entries.
 struct Stiffness(Vec<f64>);
 
 impl Objective {
-    /// Solves the frames of a fitted motion again, together. `scan(t)` gives frame `t` sorted, `[V]`.
-    pub(crate) fn smooth(&self, fitted: &mut FittedMotion, clip_smoothness: f64, scan: impl Fn(usize) -> Vec<Vec3>) {
-        let stiffness = self.stiffness(clip_smoothness);
+    /// Solves the frames of a fitted motion, which are all of the scan's, again, together.
+    pub(crate) fn smooth(
+        &self,
+        fitted: &mut FittedMotion,
+        scan: &ScanClip,
+        config: &FitConfig,
+        monitor: &dyn Monitor,
+    ) -> Result<()> {
         let frames = fitted.states.len();
+        assert_eq!(frames, scan.vertices.len(), "frames of a motion and its scan");
+        if frames < 3 || (config.limb_hz == 0.0 && config.trunk_hz == 0.0) {
+            return Ok(());
+        }
+        let stiffness = self.stiffness(config, f64::from(scan.fps));
         let mut begin = 0;
-        while frames >= 3 && clip_smoothness > 0.0 {
+        loop {
+            if monitor.should_stop() {
+                return Err(FitError::Stopped);
+            }
             let end = frames.min(begin + PIECE);
-            let scans: Vec<Vec<Vec3>> = (begin..end).map(&scan).collect();
+            let scans: Vec<Vec<Vec3>> =
+                (begin..end).map(|t| self.body.packed.sorted(scan.vertices.frame(t))).collect();
             self.smooth_piece(fitted, begin, &scans, &stiffness);
             if end == frames {
-                break;
+                return Ok(());
             }
             begin = end - OVERLAP;
         }
     }
 
-    fn stiffness(&self, clip_smoothness: f64) -> Stiffness {
-        let e = |n: &str| std::env::var(n).ok().and_then(|x| x.parse::<f64>().ok()).unwrap_or(1.0);
-        let (trunk, root, mv, limb) = (e("F_TRUNK"), e("F_ROOT"), e("F_MOVE"), e("F_LIMB"));
-        let f = |j: usize| match j { 0 => root, 3 | 6 | 9 | 12 | 13 | 14 => trunk, _ => limb };
-        let mut cost: Vec<f64> = self.inertia().iter().enumerate().flat_map(|(j, h)| [f(j) * clip_smoothness * h; 3]).collect();
-        cost.extend([mv * clip_smoothness; 3]);
+    /// A second difference of frequency `f` is `(2 pi f / fps)^2` times the motion: at `hz` it costs as much as the
+    /// distance that the motion makes of all that hangs on the joint.
+    fn stiffness(&self, config: &FitConfig, fps: f64) -> Stiffness {
+        let of = |hz: f64| if hz > 0.0 { (fps / (std::f64::consts::TAU * hz)).powi(4) } else { 0.0 };
+        let (limb, trunk) = (of(config.limb_hz), of(config.trunk_hz));
+        let joint = |(h, in_trunk): (f64, &bool)| [h * if *in_trunk { trunk } else { limb }; 3];
+        let mut cost: Vec<f64> = self.inertia().into_iter().zip(&self.body.packed.trunk).flat_map(joint).collect();
+        cost.extend([trunk; 3]);
         Stiffness(cost)
     }
 
+    /// Levenberg-Marquardt on all frames of a piece; the two frames before it are held.
     fn smooth_piece(&self, fitted: &mut FittedMotion, begin: usize, scans: &[Vec<Vec3>], stiffness: &Stiffness) {
-        let fixed = begin.min(2);
+        let (fixed, n) = (begin.min(2), stiffness.0.len());
         let mut works: Vec<Workspace> = scans.iter().map(|_| Workspace::new(self)).collect();
         let mut states: Vec<PoseState> = fitted.states[begin - fixed..begin + scans.len()].to_vec();
         let (mut locals, mut value) = self.locals(&states, fixed, scans, &mut works, stiffness);
-        let mut damping = 1e-6;
-        for _ in 0..MAX_STEPS {
+        let (mut damping, mut evaluations) = (FIRST_DAMPING, 1);
+        while evaluations <= MAX_STEPS && damping < MOST_DAMPING {
             let Some(step) = joint_step(&locals, &states, fixed, stiffness, damping) else {
                 damping *= 100.0;
                 continue;
             };
-            let n = stiffness.0.len();
             let mut next = states.clone();
             next[fixed..].iter_mut().zip(step.chunks_exact(n)).for_each(|(s, d)| *s = s.turned(d));
             let (next_locals, next_value) = self.locals(&next, fixed, scans, &mut works, stiffness);
-            if next_value >= value {
+            evaluations += 1;
+            if next_value.is_nan() || next_value >= value {
                 damping *= 100.0;
                 continue;
             }
@@ -81,7 +103,7 @@ impl Objective {
         for (i, (state, local)) in states.into_iter().skip(fixed).zip(&locals).enumerate() {
             fitted.states[begin + i] = state;
             fitted.values[begin + i] = local.value;
-            fitted.evaluations[begin + i] += MAX_STEPS;
+            fitted.evaluations[begin + i] += evaluations;
         }
     }
 

@@ -1,3 +1,4 @@
+use crate::FitConfig;
 use crate::accumulate::Sums;
 use crate::cholesky::Cholesky;
 use crate::cross::Cross;
@@ -14,6 +15,12 @@ pub(crate) struct Stop {
     /// Least share of the objective that a step must promise to take away.
     pub least_gain: f64,
     pub max_iterations: usize,
+}
+
+impl Stop {
+    pub fn of(config: &FitConfig) -> Self {
+        Self { tolerance: config.tolerance, least_gain: config.least_gain, max_iterations: config.max_iterations }
+    }
 }
 
 /// What one thread keeps between frames of a clip.

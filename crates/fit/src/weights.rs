@@ -21,7 +21,7 @@ pub fn region_weights(regions: &RegionMap) -> Vec<f32> {
 }
 
 /// Fit weights refined by what the first deltas show: divided by `1 + (s / s0)^2`, where `s` is how far a vertex
-/// strays from its own mean, metres, and `s0` its median over the vertices of no soft region. Mean 1.
+/// strays from its own mean, metres, and `s0` half its median over the vertices of no soft region. Mean 1.
 pub(crate) fn refined_weights(regions: &RegionMap, first: &[f32], strays: &[f64]) -> Vec<f32> {
     let mut rigid: Vec<f64> = regions.rigid().iter().map(|v| strays[*v as usize]).collect();
     if rigid.is_empty() {
@@ -29,9 +29,7 @@ pub(crate) fn refined_weights(regions: &RegionMap, first: &[f32], strays: &[f64]
     }
     rigid.sort_by(f64::total_cmp);
     let usual = rigid[rigid.len() / 2].max(1e-6);
-    let e = |n: &str, d: f64| std::env::var(n).ok().and_then(|x| x.parse::<f64>().ok()).unwrap_or(d);
-    let (power, scale) = (e("F_POW", 2.0), e("F_SCALE", 1.0));
-    mean_one(first.iter().zip(strays).map(|(w, s)| f64::from(*w) / (1.0 + (s / usual / scale).powf(power))).collect())
+    mean_one(first.iter().zip(strays).map(|(w, s)| f64::from(*w) / (1.0 + (2.0 * s / usual).powi(2))).collect())
 }
 
 /// Rms distance of each vertex from its mean over frames, `[V]`, metres.

@@ -2,31 +2,16 @@
 //! fit is held against it; both minimise the same objective.
 
 use crate::subspace_step::tensor;
-use crate::{Adam, AdamConfig, Result, TrainError, module_gradients};
+use crate::{Adam, AdamConfig, Result, TrainError, cosine, module_gradients};
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use glam::Vec3;
 use softtissue_body::{BodyModel, SMALLEST_DETERMINANT, ShapedBody};
-use softtissue_fit::ObjectiveKind;
+use softtissue_fit::{AdamFitConfig, ObjectiveKind};
 use softtissue_geometry::Frames;
 use softtissue_model::host;
 use softtissue_monitor::Monitor;
 use std::time::Instant;
-
-/// How the reference is run.
-#[derive(Clone, Debug, PartialEq)]
-pub struct AdamFitConfig {
-    /// Step size, radians and metres. Default 0.02.
-    pub learning_rate: f64,
-    /// Iterations. Default 300.
-    pub iterations: u64,
-}
-
-impl Default for AdamFitConfig {
-    fn default() -> Self {
-        Self { learning_rate: 0.02, iterations: 300 }
-    }
-}
 
 /// Poses of `B` frames as they are being fitted, and how the fit went.
 #[derive(Clone, Debug)]
@@ -42,7 +27,7 @@ pub struct AdamFit {
 }
 
 /// The pose objective of one subject as tensor operations: weighted mean squared distance, m^2, at rest
-/// (Casas-Otaduy 2018 eq. 4) or in space (SoftSMPL eq. 4).
+/// (Casas-Otaduy 2018 eq. 4) or in space (SoftSMPL eq. 4), and priors where they are asked for.
 ///
 /// Tensors are planar: the coordinates of all vertices, not the vertices, lie together.
 pub struct AdamPoseFit {
@@ -58,6 +43,10 @@ pub struct AdamPoseFit {
     correctives: [Tensor<2>; 3],
     /// Summing to one, `[1, V]`.
     weights: Tensor<2>,
+    /// Weight of each squared axis angle, `[1, J * 3]`, zero for the root's.
+    pose_prior: Option<Tensor<2>>,
+    /// Weight of each joint's squared turn since the frame before, m^2/rad^2.
+    smoothness: f64,
     device: Device,
 }
 
@@ -109,21 +98,38 @@ impl AdamPoseFit {
             rest: planar(&rest, 1),
             correctives: planar(&body.pose_directions, 9 * (j - 1)),
             weights: tensor(fit_weight.iter().map(|w| w / total).collect(), [1, v], &device),
+            pose_prior: None,
+            smoothness: 0.0,
             device,
         }
     }
 
-    /// Objective of each frame, m^2: rotations `[B, J]`, translations `[B]`, scans `[B, V]`.
+    /// The same with priors, m^2/rad^2: on each joint's squared turn from rest (`[J]`, the root's counting for nothing;
+    /// none when empty) and on its squared turn since the frame before.
+    pub fn with_priors(mut self, pose_prior: &[f64], smoothness: f64) -> Self {
+        assert!(pose_prior.is_empty() || pose_prior.len() == self.joints.len(), "joints of a pose prior");
+        let weight = |(j, w): (usize, &f64)| [if j == 0 { 0.0 } else { *w as f32 }; 3];
+        let weights: Vec<f32> = pose_prior.iter().enumerate().flat_map(weight).collect();
+        self.pose_prior = (!weights.is_empty()).then(|| tensor(weights, [1, 3 * self.joints.len()], &self.device));
+        self.smoothness = smoothness;
+        self
+    }
+
+    /// Objective of each frame, m^2: rotations `[B, J]`, translations `[B]`, scans `[B, V]`. The first frame has none
+    /// before it.
     pub fn values(&self, rotations: &Frames, translations: &[Vec3], scans: &Frames) -> Vec<f64> {
         let poses = self.poses(rotations, translations, &self.device);
         let scans = self.planar_scans(scans);
-        host(self.objective(&poses, &scans)).into_iter().map(f64::from).collect()
+        host(self.objective(&poses, None, &scans)).into_iter().map(f64::from).collect()
     }
 
-    /// Fits all frames at once from the poses given. Adam's steps do not mix frames, so this is the fit of each.
+    /// Fits all frames at once, whatever `config.batch` says, from the poses given. `before` holds the axis angles
+    /// `[J]` of the frame before the first. Without smoothness Adam's steps do not mix frames, and this is the fit of
+    /// each.
     pub fn fit(
         &self,
         config: &AdamFitConfig,
+        before: Option<&[Vec3]>,
         rotations: &Frames,
         translations: &[Vec3],
         scans: &Frames,
@@ -138,19 +144,25 @@ impl AdamPoseFit {
         }
         let mut poses = self.poses(rotations, translations, &self.device.clone().autodiff());
         let scans = self.planar_scans(scans);
+        let before = before.map(|turns| {
+            let numbers = turns.iter().flat_map(|w| w.to_array()).collect();
+            rotation_entries(tensor(numbers, [1, 3 * self.joints.len()], &self.device))
+        });
         let mut adam = Adam::new(AdamConfig::default());
         let start = Instant::now();
         let (mut values, mut seconds) = (Vec::new(), Vec::new());
         monitor.begin("pose fit by Adam", config.iterations, "iterations");
         for iteration in 0..=config.iterations {
-            let each = self.objective(&poses, &scans);
+            let each = self.objective(&poses, before.as_ref(), &scans);
             values.push(host(each.clone()).into_iter().map(f64::from).collect());
             seconds.push(start.elapsed().as_secs_f64());
             if iteration == config.iterations || monitor.should_stop() {
                 break;
             }
             let gradients = module_gradients(&poses, &mut each.sum().backward());
-            poses = adam.step(poses, &gradients, config.learning_rate);
+            let fallen = cosine(1.0, iteration, config.iterations, 0);
+            let share = config.final_share + (1.0 - config.final_share) * fallen;
+            poses = adam.step(poses, &gradients, config.learning_rate * share);
             monitor.advance(1, "");
         }
         monitor.end();
@@ -185,7 +197,7 @@ impl AdamPoseFit {
     }
 
     /// `[B, 1]`.
-    fn objective(&self, poses: &Poses, scans: &[Tensor<2>; 3]) -> Tensor<2> {
+    fn objective(&self, poses: &Poses, before: Option<&[Tensor<2>; 9]>, scans: &[Tensor<2>; 3]) -> Tensor<2> {
         let rotations = rotation_entries(poses.rotations.val());
         let features = self.features(&rotations);
         let rest = [0, 1, 2].map(|k| self.rest[k].clone() + features.clone().matmul(self.correctives[k].clone()));
@@ -207,7 +219,14 @@ impl AdamPoseFit {
             }
         };
         let [x, y, z] = residual.map(|r| r.square());
-        ((x + y + z) * self.weights.clone()).sum_dim(1)
+        let mut value = ((x + y + z) * self.weights.clone()).sum_dim(1);
+        if let Some(weights) = &self.pose_prior {
+            value = value + (poses.rotations.val().square() * weights.clone()).sum_dim(1);
+        }
+        if self.smoothness > 0.0 {
+            value = value + squared_turns(&rotations, before).sum_dim(1) * self.smoothness;
+        }
+        value
     }
 
     /// `R_j - I` of joints 1..J, row-major, `[B, 9 (J - 1)]`, from entries `[B, J]`.
@@ -297,6 +316,23 @@ fn rotation_entries(axis_angles: Tensor<2>) -> [Tensor<2>; 9] {
         product(&y, &z) + turn(&x),
         diagonal(&x, &y),
     ]
+}
+
+/// Squared angle, rad^2, between each frame's rotations and those of the frame before, `[B, J]`; the first frame's are
+/// taken against `before` (`[1, J]` entries), or are zero.
+fn squared_turns(entries: &[Tensor<2>; 9], before: Option<&[Tensor<2>; 9]>) -> Tensor<2> {
+    let [b, j] = entries[0].dims();
+    let mut sum = Tensor::zeros([b, j], &entries[0].device());
+    for (i, now) in entries.iter().enumerate() {
+        let first = before.map_or_else(|| now.clone().slice([0..1, 0..j]), |entries| entries[i].clone());
+        let last = Tensor::cat(vec![first, now.clone().slice([0..b - 1, 0..j])], 0);
+        sum = sum + (now.clone() - last).square();
+    }
+    // |R - R'|^2 = 8 sin^2(a / 2), and a^2 = 4 asin^2 as a series, which has a slope at zero; below a radian the rest
+    // is under 1e-4 of it.
+    let s = sum * 0.125;
+    let series = [4.0 / 35.0, 8.0 / 45.0, 1.0 / 3.0, 1.0];
+    series.iter().fold(s.clone() * (128.0 / 1575.0), |x, c| (x + *c) * s.clone()) * 4.0
 }
 
 /// Twelve entries of the blended transforms, `[B, V]` each, of bones `[12 B, J]` under weights `[J, V]`.

@@ -4,6 +4,7 @@
 //! Every random draw comes from a counter, so a stopped and resumed run gives the bytes of an unbroken one.
 
 mod adam;
+mod adam_solver;
 mod bptt;
 mod checkpoint;
 pub mod device;
@@ -22,10 +23,11 @@ mod trainee;
 mod vertex_error;
 
 pub use adam::{Adam, AdamConfig, GradientMap, load_module, module_gradients, module_state};
+pub use adam_solver::AdamSolver;
 pub use bptt::GruTrace;
 pub use checkpoint::{Checkpoint, CheckpointFolder, read_state, write_state};
 pub use error::TrainError;
-pub use fit_adam::{AdamFit, AdamFitConfig, AdamPoseFit};
+pub use fit_adam::{AdamFit, AdamPoseFit};
 pub use log::RunLog;
 pub use regressor_step::{LossSpace, MotionSequence, RegressorTrainee, RegressorTraining, Shortcut};
 pub use schedule::cosine;

@@ -19,6 +19,9 @@ const LARGEST_ANGLE: f64 = 1.7;
 const RIDGE: f64 = 0.3;
 /// No corrective of a sampled pose is larger, metres.
 const LARGEST_OFFSET: f32 = 0.03;
+/// Shorter ones are the rounding of coordinates, metres: the joint moves the whole vertex or nothing of it. As zeros they
+/// let the pose fit leave a joint out where it has no correctives.
+const ROUNDING: f32 = 2e-6;
 /// Blended matrices nearer to singular are left out, as unposing them is meaningless.
 const LEAST_DETERMINANT: f32 = 0.25;
 
@@ -106,7 +109,8 @@ impl PoseFit<'_> {
                     return Vec3::ZERO;
                 }
                 let target = blend_dual_quaternions(skin, &transforms).transform_point3(*rest);
-                (linear.inverse().transform_point3(target) - *rest).clamp_length_max(LARGEST_OFFSET)
+                let offset = linear.inverse().transform_point3(target) - *rest;
+                if offset.length() < ROUNDING { Vec3::ZERO } else { offset.clamp_length_max(LARGEST_OFFSET) }
             })
             .collect()
     }

@@ -11,7 +11,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Raised whenever the same settings would give another body, so that a kept one is not mistaken.
-const GENERATOR: u32 = 2;
+const GENERATOR: u32 = 3;
 
 /// A body and the SHA-256 of its file, which names what is fitted with it.
 pub struct KeptBody {

@@ -6,6 +6,7 @@ use super::motions::training_clips;
 use crate::config::ShortcutKind;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use softtissue_body::BodyModel;
 use softtissue_bundle::DeltaBasis;
 use softtissue_bundle::descriptor::Descriptor;
@@ -67,7 +68,11 @@ pub fn learn_ladder(
         let other =
             FeatureSet { descriptor: dyna.config(), blocks: dyna.blocks(), train: &train, validation: &validation };
         let (ladder, scores) = Ladder::fit(&context.config.ladder, basis, body, own, other)?;
-        for s in &scores { context.monitor.say(&format!("    {} {:?}", s.name, s)); }
+        for s in &scores {
+            let (ratio, energy) = (s.score.ratio(), s.score.energy());
+            let event = json!({"event": "ladder", "name": s.name, "strength": s.strength, "soft_ratio": ratio, "energy": energy});
+            context.log.event(event)?;
+        }
         let shortcut = match context.config.regressor.shortcut {
             ShortcutKind::Resonators => "resonators",
             ShortcutKind::Linear => "ridge",

@@ -23,4 +23,4 @@ pub use job::{Opened, Prepared, fold, needs_test_clips, open, prepare};
 pub use judge::{Judgement, heaviest, judge_run};
 pub use learn::{Learned, learn};
 pub use report::write_report;
-pub use scans::import_or_open;
+pub use scans::{fit_clips, import_or_open};

@@ -8,12 +8,13 @@ use anyhow::Result;
 use softtissue_body::BodyModel;
 use softtissue_clips::{ClipId, FitSet, ScanSet, Split, TruthSet};
 use softtissue_eval::{FitMetrics, Scene, judge_fit};
-use softtissue_fit::{FitConfig, ObjectiveKind, fit_set};
+use softtissue_fit::{FitConfig, ObjectiveKind, Solver, fit_set, fit_set_with};
 use softtissue_geometry::Topology;
 use softtissue_import::{ImportLimits, SequenceConfig, Units, import_obj_sequences};
 use softtissue_monitor::Monitor;
 use softtissue_store::{Sha256, sha256_file};
 use softtissue_synth::dataset;
+use softtissue_train::AdamSolver;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -59,7 +60,8 @@ impl Scans {
             let fit = if config == context.config.fit {
                 scene.fit.clone()
             } else {
-                fit_set(&self.set, &part, body, &config, &folder.join(name), context.monitor)?
+                let device = &context.config.device;
+                fit_clips(&self.set, &part, body, &config, device, &folder.join(name), context.monitor)?
             };
             if let Some(metrics) = judge_fit(&Scene { fit: &fit, ..*scene }, judged, context.monitor)? {
                 found.insert(name.to_owned(), metrics);
@@ -206,5 +208,24 @@ pub fn fit_scans(
         monitor.say(&format!("  fit: found in {}", out.display()));
         return Ok(FitSet::open(&out)?);
     }
-    Ok(fit_set(&scans.set, split, &body.model, &config.fit, &out, monitor)?)
+    fit_clips(&scans.set, split, &body.model, &config.fit, &config.device, &out, monitor)
+}
+
+/// Fits with the solver that the settings name; `device` is where the one of tensors works.
+pub fn fit_clips(
+    scans: &ScanSet,
+    split: &Split,
+    body: &BodyModel,
+    config: &FitConfig,
+    device: &str,
+    out: &Path,
+    monitor: &dyn Monitor,
+) -> Result<FitSet> {
+    Ok(match config.solver {
+        Solver::LevenbergMarquardt => fit_set(scans, split, body, config, out, monitor)?,
+        Solver::Adam => {
+            let solver = AdamSolver::new(config.adam.clone(), softtissue_train::device::parse(device)?);
+            fit_set_with(&solver, scans, split, body, config, out, monitor)?
+        }
+    })
 }

@@ -2,14 +2,13 @@
 
 use crate::args::FitArgs;
 use crate::exit::UsageError;
-use crate::pipeline::{import_or_open, load_body};
+use crate::pipeline::{fit_clips, import_or_open, load_body};
 use crate::settings::resolve;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::data_dir;
 use anyhow::Result;
 use softtissue_clips::FitSet;
-use softtissue_fit::fit_set;
 use std::path::Path;
 
 /// Runs the verb.
@@ -26,7 +25,7 @@ pub fn run(args: &FitArgs, signals: &Signals) -> Result<()> {
         );
     }
     FitSet::begin(&args.out)?;
-    let fit = fit_set(&scans.set, &split, &body, &config.fit, &args.out, &terminal)?;
+    let fit = fit_clips(&scans.set, &split, &body, &config.fit, &config.device, &args.out, &terminal)?;
     crate::print_line(&format!("{} clips fitted: {}", fit.clips().len(), args.out.display()));
     Ok(())
 }

@@ -4,7 +4,7 @@ use glam::Vec3;
 use softtissue_body::{Pose, SkinWeights};
 use softtissue_clips::{ClipId, FitSet, ScanClip, ScanSet};
 use softtissue_fit::{
-    FitConfig, FitError, Objective, ObjectiveKind, PackedBody, Solver, WeightedBody, fit_motion, fit_set,
+    AdamFitConfig, FitConfig, FitError, Objective, ObjectiveKind, PackedBody, WeightedBody, fit_motion, fit_set,
 };
 use softtissue_geometry::Frames;
 use softtissue_monitor::{Monitor, Silent};
@@ -99,7 +99,11 @@ fn settings_out_of_range_are_refused() {
     assert!(refused(FitConfig { tolerance: f64::NAN, ..Default::default() }).contains("tolerance"));
     assert!(refused(FitConfig { smoothness: -1.0, ..Default::default() }).contains("smoothness"));
     assert!(refused(FitConfig { template_share: 1.5, ..Default::default() }).contains("template_share"));
-    assert!(refused(FitConfig { solver: Solver::Adam, ..Default::default() }).contains("adam"));
+    let adam = |adam: AdamFitConfig| FitConfig { adam, ..Default::default() };
+    assert!(refused(adam(AdamFitConfig { learning_rate: 0.0, ..Default::default() })).contains("adam.learning_rate"));
+    assert!(refused(adam(AdamFitConfig { final_share: 1.5, ..Default::default() })).contains("adam.final_share"));
+    assert!(refused(adam(AdamFitConfig { batch: 0, ..Default::default() })).contains("adam.batch"));
+    assert!(serde_json::from_str::<FitConfig>(r#"{"solver": "adam"}"#).unwrap().check().is_ok());
     assert!(serde_json::from_str::<FitConfig>(r#"{"tolerence": 1e-3}"#).is_err());
     let read: FitConfig = serde_json::from_str(r#"{"objective": "posed"}"#).unwrap();
     assert_eq!(read, FitConfig { objective: ObjectiveKind::Posed, ..Default::default() });

@@ -20,12 +20,12 @@ pub struct ReadoutConfig {
     /// Shape terms that multiply the readout, as exponents of `beta[0], beta[1], ...`; the first, `[]`, is the constant.
     /// Default 1, `beta[1]`, its square: one readout for all subjects that bends with body mass.
     pub shape_terms: Vec<Vec<u8>>,
-    /// Ridge strengths tried on validation, as parts of the features' total variance. Default five from 1e-5 to 1e-1.
+    /// Ridge strengths tried on validation, as parts of the features' total variance. Default five from 1e-4 to 1e-2.
     pub strengths: Vec<f64>,
-    /// Every how many-th frame is an equation. Default 3: neighbours say nearly the same, and the fit costs the cube.
+    /// Every how many-th frame is an equation. Default 1; more is faster and knows less.
     pub frame_stride: usize,
     /// Part of the frame before that is taken off each equation, 0 to below 1: what a scanner and a fit add drifts
-    /// slowly, and generalised least squares with an AR(1) error gives slow parts less weight. Default 0.9.
+    /// slowly, and generalised least squares with an AR(1) error gives slow parts less weight. Default 0.8.
     pub whitening: f32,
 }
 
@@ -36,9 +36,9 @@ impl Default for ReadoutConfig {
             damping_ratios: vec![0.15, 0.5],
             direct: true,
             shape_terms: vec![vec![], vec![0, 1], vec![0, 2]],
-            strengths: vec![1e-5, 1e-4, 1e-3, 1e-2, 1e-1],
-            frame_stride: 3,
-            whitening: 0.9,
+            strengths: vec![1e-4, 3e-4, 1e-3, 3e-3, 1e-2],
+            frame_stride: 1,
+            whitening: 0.8,
         }
     }
 }
@@ -105,13 +105,16 @@ pub fn fit_readout(
 /// The chosen model, its strength and score, and every strength's score.
 type Choice<M> = (M, f64, Score, Vec<(f64, Score)>);
 
-/// Solves at each strength and keeps the one with the lowest soft ratio.
+/// Share by which a stronger ridge's soft ratio may lie above the lowest and still be chosen. Poses and deltas of a
+/// validation clip come from one fit and share its error, which favours weak ridges.
+const PARSIMONY: f64 = 0.02;
+
+/// Solves at each strength and keeps the strongest whose soft ratio is as good as the lowest.
 pub(super) fn select<M>(
     strengths: &[f64],
     mut solve: impl FnMut(f64) -> Result<(M, Vec<Score>), ModelError>,
 ) -> Result<Choice<M>, ModelError> {
-    let mut best: Option<(M, f64, Score)> = None;
-    let mut tried = Vec::with_capacity(strengths.len());
+    let mut found: Vec<(M, f64, Score)> = Vec::with_capacity(strengths.len());
     for &strength in strengths {
         if !(strength > 0.0 && strength.is_finite()) {
             return Err(ModelError::Config(format!("ridge strength {strength} is not above 0; correct `strengths`")));
@@ -119,13 +122,17 @@ pub(super) fn select<M>(
         let (model, clips) = solve(strength)?;
         let mut score = Score::default();
         clips.into_iter().for_each(|c| score.add(c));
-        tried.push((strength, score));
-        if best.as_ref().is_none_or(|(_, _, b)| score.ratio() < b.ratio()) {
-            best = Some((model, strength, score));
-        }
+        found.push((model, strength, score));
     }
-    let (model, strength, score) =
-        best.ok_or_else(|| ModelError::Config("no ridge strength is named; name one in `strengths`".into()))?;
+    let tried = found.iter().map(|(_, strength, score)| (*strength, *score)).collect();
+    let lowest = found.iter().map(|(_, _, score)| score.ratio()).fold(f64::INFINITY, f64::min);
+    let unjudged = !lowest.is_finite();
+    let good = |score: &Score| unjudged || score.ratio() <= lowest * (1.0 + PARSIMONY);
+    let (model, strength, score) = found
+        .into_iter()
+        .filter(|(_, _, score)| good(score))
+        .reduce(|a, b| if !unjudged && b.1 > a.1 { b } else { a })
+        .ok_or_else(|| ModelError::Config("no ridge strength is named; name one in `strengths`".into()))?;
     Ok((model, strength, score, tried))
 }
 

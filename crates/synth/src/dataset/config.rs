@@ -8,7 +8,7 @@ use softtissue_body::procedural::ProceduralConfig;
 use softtissue_store::sha256_bytes;
 
 /// Changes whenever the same configuration would give other bytes, so that cached clips are not mistaken.
-const GENERATOR: u32 = 1;
+const GENERATOR: u32 = 2;
 
 /// A set of scans to make: subjects x motions x takes. Default is the size `quick`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
