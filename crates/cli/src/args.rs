@@ -101,6 +101,8 @@ pub enum Protocol {
     /// Train again without each subject in turn.
     #[value(name = "leave-one-subject-out")]
     Subjects,
+    /// Judge one sequence as a new take, a new motion, a new subject, and both new: Dyna's four cases.
+    DynaCases,
 }
 
 /// `eval`.
@@ -111,7 +113,7 @@ pub struct EvalArgs {
     /// How clips are left out.
     #[arg(long, value_enum, default_value = "held-out")]
     pub protocol: Protocol,
-    /// Which folds, by motion or subject, separated by commas; `all` for every one.
+    /// Which folds, by motion, subject or Dyna's case, separated by commas; `all` for every one.
     #[arg(long, value_name = "NAMES")]
     pub folds: Option<String>,
     /// Print the measures as JSON.

@@ -4,6 +4,7 @@
 mod args;
 mod config;
 mod exit;
+mod memory;
 mod pipeline;
 mod run_folder;
 mod settings;

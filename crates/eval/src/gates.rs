@@ -1,16 +1,89 @@
-use crate::{Gate, MethodMetrics, Metrics};
+use crate::report::number;
+use crate::{MethodMetrics, Metrics};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+/// An acceptance value: what is asked for, what was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gate {
+    /// In words.
+    pub what: String,
+    /// Unit, empty for ratios.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// The figure; absent if it could not be measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<f64>,
+    /// The least that is accepted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_least: Option<f64>,
+    /// The most that is accepted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_most: Option<f64>,
+    /// Whether the value lies within; absent if it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub met: Option<bool>,
+}
+
+impl Gate {
+    /// A gate with either limit or both.
+    pub fn new(
+        what: impl Into<String>,
+        unit: &str,
+        value: Option<f64>,
+        at_least: Option<f64>,
+        at_most: Option<f64>,
+    ) -> Self {
+        let met = value.map(|x| at_least.is_none_or(|low| x >= low) && at_most.is_none_or(|high| x <= high));
+        Self { what: what.into(), unit: unit.into(), value, at_least, at_most, met }
+    }
+
+    /// The figure with its unit, `–` where it was not measured.
+    pub fn found(&self) -> String {
+        self.value.map_or_else(|| "–".into(), |v| number(v) + &self.unit_after())
+    }
+
+    /// The limits in words.
+    pub fn asked(&self) -> String {
+        let unit = self.unit_after();
+        match (self.at_least, self.at_most) {
+            (Some(low), Some(high)) => format!("{} to {}{unit}", number(low), number(high)),
+            (Some(low), None) => format!("at least {}{unit}", number(low)),
+            (None, Some(high)) => format!("at most {}{unit}", number(high)),
+            (None, None) => "–".into(),
+        }
+    }
+
+    /// `met`, `missed` or `not measured`.
+    pub fn verdict(&self) -> &'static str {
+        match self.met {
+            Some(true) => "met",
+            Some(false) => "missed",
+            None => "not measured",
+        }
+    }
+
+    fn unit_after(&self) -> String {
+        if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) }
+    }
+}
 
 /// The name under which the project's own method is judged.
 pub const OURS: &str = "softtissue";
 
+/// The name of the same without its recurrent unit.
+pub const WITHOUT_GRU: &str = "softtissue/without-gru";
+
 /// The acceptance values that follow from what has been measured, by name. What was not measured stands there without
-/// a value. Others (the fit's speed at full size, ablations on validation clips) are added by whoever measures them.
+/// a value.
 pub fn acceptance(metrics: &Metrics) -> BTreeMap<String, Gate> {
     let mut gates = BTreeMap::new();
     regressor(metrics, &mut gates);
     subspace(metrics, &mut gates);
     fit(metrics, &mut gates);
+    data(metrics, &mut gates);
+    memory(metrics, &mut gates);
     gates
 }
 
@@ -52,6 +125,10 @@ fn regressor(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
         ),
     );
     put("rest", Gate::new(&rest, "", of(|m| m.rest_ratio), None, Some(0.05)));
+    let on_validation = |name: &str| metrics.validation_soft_ratio.get(name).copied();
+    let share = on_validation(OURS).zip(on_validation(WITHOUT_GRU)).map(|(whole, without)| 1.0 - whole / without);
+    let what = "what the recurrent unit takes off the error on soft vertices, validation clips";
+    put("gru_share", Gate::new(what, "", share, Some(0.03), None));
     let mut decay = |name, what, unit, value: Option<f64>, most| {
         let mut gate = Gate::new(what, unit, value, None, Some(most));
         if ours.and_then(|m| m.decay_missing).is_some_and(|n| n > 0) {
@@ -96,10 +173,31 @@ fn fit(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
     );
 }
 
+fn data(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
+    let components = metrics.components_95.unwrap_or_default();
+    for (name, whose, value, least) in
+        [("scan", "scan deltas", components.scan, 40.0), ("true", "true deltas", components.truth, 20.0)]
+    {
+        let what = format!("components for 95 % of the variance of {whose}, training clips");
+        gates.insert(format!("data.{name}_components"), Gate::new(what, "", value.map(f64::from), Some(least), None));
+    }
+}
+
+/// Vertices up to which a run counts as small.
+const SMALL: usize = 2000;
+const GIB: f64 = (1u64 << 30) as f64;
+
+fn memory(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
+    let most = if metrics.data.vertices <= SMALL { 2.0 } else { 8.0 };
+    let value = metrics.peak_memory_bytes.map(|b| b as f64 / GIB);
+    let gate = Gate::new("most memory held until the figures were complete", "GiB", value, None, Some(most));
+    gates.insert("run.peak_memory".into(), gate);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{RegionMetrics, SubspaceMetrics, Tally};
+    use crate::{ComponentMetrics, RegionMetrics, SubspaceMetrics, Tally};
 
     fn metrics() -> Metrics {
         let mut metrics = Tally::default().metrics("held-out", 1);
@@ -124,6 +222,25 @@ mod tests {
     }
 
     #[test]
+    fn gates_are_met_within_their_limits_only() {
+        let met = |value, low, high| Gate::new("", "", value, low, high).met;
+        assert_eq!(met(Some(0.6), None, Some(0.6)), Some(true));
+        assert_eq!(met(Some(0.61), None, Some(0.6)), Some(false));
+        assert_eq!(met(Some(0.7), Some(0.8), Some(1.2)), Some(false));
+        assert_eq!(met(Some(f64::NAN), None, Some(1.0)), Some(false));
+        assert_eq!(met(None, None, Some(1.0)), None);
+    }
+
+    #[test]
+    fn a_gate_in_words() {
+        let gate = Gate::new("", "Hz", Some(0.41), None, Some(0.3));
+        assert_eq!((gate.found().as_str(), gate.asked().as_str()), ("0.41 Hz", "at most 0.30 Hz"));
+        assert_eq!(gate.verdict(), "missed");
+        let open = Gate::new("", "", None, Some(0.8), Some(1.2));
+        assert_eq!((open.found().as_str(), open.asked().as_str()), ("–", "0.80 to 1.20"));
+    }
+
+    #[test]
     fn the_better_baseline_counts_and_other_channels_do_not() {
         let gates = acceptance(&metrics());
         let met = |name: &str| (gates[name].value.map(|v| (v * 1e4).round() / 1e4), gates[name].met);
@@ -132,6 +249,30 @@ mod tests {
         assert_eq!(met("regressor.spectrum"), (Some(0.75), Some(true)));
         assert_eq!(met("regressor.energy"), (Some(0.7), Some(false)));
         assert_eq!(met("regressor.rest"), (None, None), "not measured is not met and not missed");
+    }
+
+    #[test]
+    fn the_recurrent_unit_has_to_earn_its_share_on_validation() {
+        let mut m = metrics();
+        assert_eq!(acceptance(&m)["regressor.gru_share"].met, None);
+        m.validation_soft_ratio = [(OURS.to_owned(), 0.56), (WITHOUT_GRU.to_owned(), 0.58)].into();
+        let gate = acceptance(&m)["regressor.gru_share"].clone();
+        assert!((gate.value.unwrap() - 0.034_48).abs() < 1e-5 && gate.met == Some(true), "{gate:?}");
+        m.validation_soft_ratio.insert(OURS.into(), 0.57);
+        assert_eq!(acceptance(&m)["regressor.gru_share"].met, Some(false));
+    }
+
+    #[test]
+    fn memory_is_allowed_by_the_size_of_the_mesh() {
+        let mut m = metrics();
+        m.components_95 = Some(ComponentMetrics { scan: Some(41), truth: Some(19) });
+        m.peak_memory_bytes = Some(3 << 30);
+        m.data.vertices = 1724;
+        let gates = acceptance(&m);
+        assert_eq!((gates["run.peak_memory"].value, gates["run.peak_memory"].met), (Some(3.0), Some(false)));
+        assert_eq!((gates["data.scan_components"].met, gates["data.true_components"].met), (Some(true), Some(false)));
+        m.data.vertices = 6890;
+        assert_eq!(acceptance(&m)["run.peak_memory"].met, Some(true));
     }
 
     #[test]

@@ -19,12 +19,12 @@ mod tally;
 
 pub use error::{EvalError, MethodError};
 pub use fit::judge_fit;
-pub use gates::{OURS, acceptance};
+pub use gates::{Gate, OURS, WITHOUT_GRU, acceptance};
 pub use judge::{Channel, Scene, judge};
 pub use method::{BodyAlone, Codec, Method};
 pub use metrics::{
-    ClipMetrics, DataMetrics, DecayFigures, DecayMetrics, FitMetrics, Gate, MethodMetrics, Metrics, RegionMetrics,
-    SCHEMA, SubspaceMetrics,
+    ClipMetrics, ComponentMetrics, DataMetrics, DecayFigures, DecayMetrics, FitMetrics, MethodMetrics, Metrics,
+    RegionMetrics, SCHEMA, SubspaceMetrics,
 };
 pub use probe::{DecayTrace, LongRollout, StopProbe, judge_bounded, judge_shapes, judge_stops, training_peaks};
 pub use subspace::{CodecPair, judge_subspace};

@@ -1,4 +1,4 @@
-use crate::{EvalError, Result};
+use crate::{EvalError, Gate, Result};
 use serde::{Deserialize, Serialize};
 use softtissue_clips::ClipId;
 use softtissue_store::{read_json, write_json_atomic};
@@ -41,6 +41,16 @@ pub struct Metrics {
     /// (SoftSMPL fig. 8): pairs of `beta[1]` and speed, by method.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub shape_response: BTreeMap<String, Vec<[f64; 2]>>,
+    /// Soft ratio on the clips that selected the model, by method: the method whole and without its recurrent unit.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub validation_soft_ratio: BTreeMap<String, f64>,
+    /// Principal components that hold 95 % of the variance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub components_95: Option<ComponentMetrics>,
+    /// Most memory that the process had held when the figures were complete, bytes. Absent where the system does not
+    /// tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_memory_bytes: Option<u64>,
     /// Damped sinusoids fitted after an impact, one entry a probe and region.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub decays: Vec<DecayMetrics>,
@@ -182,6 +192,19 @@ pub struct FitMetrics {
     pub frames_per_second: Option<f64>,
 }
 
+/// How many principal components hold 95 % of the variance of the training clips' deltas, mirrored as the subspace
+/// learns them. Where all that were computed hold less, their number, which is then too low.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ComponentMetrics {
+    /// Of the scans' deltas.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scan: Option<u32>,
+    /// Of the true deltas.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truth: Option<u32>,
+}
+
 /// A damped sinusoid in numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -232,43 +255,6 @@ impl ClipMetrics {
     }
 }
 
-/// An acceptance value: what is asked for, what was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Gate {
-    /// In words.
-    pub what: String,
-    /// Unit, empty for ratios.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub unit: String,
-    /// The figure; absent if it could not be measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub value: Option<f64>,
-    /// The least that is accepted.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub at_least: Option<f64>,
-    /// The most that is accepted.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub at_most: Option<f64>,
-    /// Whether the value lies within; absent if it was not measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub met: Option<bool>,
-}
-
-impl Gate {
-    /// A gate with either limit or both.
-    pub fn new(
-        what: impl Into<String>,
-        unit: &str,
-        value: Option<f64>,
-        at_least: Option<f64>,
-        at_most: Option<f64>,
-    ) -> Self {
-        let met = value.map(|x| at_least.is_none_or(|low| x >= low) && at_most.is_none_or(|high| x <= high));
-        Self { what: what.into(), unit: unit.into(), value, at_least, at_most, met }
-    }
-}
-
 impl Metrics {
     /// Writes `metrics.json`, atomically. A number that JSON cannot hold is refused.
     pub fn write(&self, path: &Path) -> Result<()> {
@@ -298,12 +284,13 @@ impl Metrics {
             .map_err(|e| EvalError::Refused(format!("{}: {e}; make it again with `softtissue eval`", path.display())))
     }
 
-    /// The same without what depends on the clock: equal runs give equal values.
+    /// The same without what depends on the clock and on the process: equal runs give equal values.
     pub fn without_times(&self) -> Self {
         let mut copy = self.clone();
+        copy.peak_memory_bytes = None;
         copy.methods.values_mut().for_each(|m| m.frames_per_second = None);
         copy.fit.iter_mut().chain(copy.fit_objectives.values_mut()).for_each(|f| f.frames_per_second = None);
-        copy.gates.retain(|name, _| !name.ends_with("frames_per_second"));
+        copy.gates.retain(|name, _| !name.starts_with("run."));
         copy
     }
 }
@@ -346,6 +333,9 @@ mod tests {
             fit_objectives: BTreeMap::new(),
             rest_truth: None,
             shape_response: BTreeMap::new(),
+            validation_soft_ratio: BTreeMap::new(),
+            components_95: None,
+            peak_memory_bytes: None,
             decays: vec![],
             gates: [("regressor.soft_ratio".to_owned(), Gate::new("soft ratio", "", Some(0.4), None, Some(0.6)))]
                 .into(),
@@ -393,19 +383,11 @@ mod tests {
     }
 
     #[test]
-    fn gates_are_met_within_their_limits_only() {
-        let met = |value, low, high| Gate::new("", "", value, low, high).met;
-        assert_eq!(met(Some(0.6), None, Some(0.6)), Some(true));
-        assert_eq!(met(Some(0.61), None, Some(0.6)), Some(false));
-        assert_eq!(met(Some(0.7), Some(0.8), Some(1.2)), Some(false));
-        assert_eq!(met(Some(f64::NAN), None, Some(1.0)), Some(false));
-        assert_eq!(met(None, None, Some(1.0)), None);
-    }
-
-    #[test]
     fn times_can_be_left_out_of_a_comparison() {
         let mut other = sample();
         other.methods.get_mut("softtissue").unwrap().frames_per_second = Some(1.0);
+        other.peak_memory_bytes = Some(1 << 30);
+        other.gates.insert("run.peak_memory".into(), Gate::new("", "GiB", Some(1.0), None, Some(2.0)));
         assert_ne!(other, sample());
         assert_eq!(other.without_times(), sample().without_times());
     }

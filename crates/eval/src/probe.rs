@@ -36,8 +36,9 @@ pub struct DecayTrace {
 
 /// The truth's fit must explain this share of the variance to count as a damped sinusoid at all.
 const RINGING: f64 = 0.9;
-/// Least rms of a region's mean that is worth a fit, metres.
-const AUDIBLE_M: f64 = 2e-4;
+/// Least rms of a region's mean over the stillness that is worth a fit, metres: some 2 mm when it begins. What moves
+/// less has no swing of its own but follows its neighbours'.
+const AUDIBLE_M: f64 = 5e-4;
 
 /// Runs the stop probes: rest after 2 s, and free decay against the truth's. Fills `metrics`, returns curves.
 pub fn judge_stops(

@@ -25,23 +25,12 @@ pub enum FoldChoice {
         /// Whose.
         subject: String,
     },
-    /// Those that are named: a motion, a subject, or `subject/motion`.
+    /// Those that are named: a motion, a subject, `subject/motion`, or one of Dyna's cases.
     Named(Vec<String>),
 }
 
 /// Motions that Casas and Otaduy leave out in their evidence (2018, section 6).
 pub const NETWORK_MOTIONS: [&str; 3] = ["one_leg_jump", "running_on_spot", "jumping_jacks"];
-
-/// The usual split as the only fold.
-pub fn held_out(clips: &[ClipId], split: &SplitConfig) -> Result<Vec<Fold>> {
-    let split = split.split(clips)?;
-    if split.test.is_empty() {
-        return Err(EvalError::Refused(
-            "no clip is left out for testing; name test motions or subjects in the split".into(),
-        ));
-    }
-    Ok(vec![Fold { name: "held-out".into(), split }])
-}
 
 /// Leave one sequence out: a fold for each motion of each subject, all its takes together. The validation motions of
 /// the split go on selecting, less what is left out.
@@ -68,9 +57,15 @@ pub fn leave_one_subject_out(clips: &[ClipId], split: &SplitConfig, choice: &Fol
 }
 
 /// Dyna's four cases (Pons-Moll et al. 2015, section 6): a new take of a known motion of a known subject, a new motion
-/// of a known subject, a known motion of a new subject, and both new. One fold each; a case that the clips do not
-/// allow (no second take, no second subject) is left out.
-pub fn dyna_cases(clips: &[ClipId], split: &SplitConfig, subject: &str, motion: &str) -> Result<Vec<Fold>> {
+/// of a known subject, a known motion of a new subject, and both new. One fold each, all judged on the last take of one
+/// sequence; a case that the clips do not allow (no second take, no second subject) is left out. `choice` names cases.
+pub fn dyna_cases(
+    clips: &[ClipId],
+    split: &SplitConfig,
+    subject: &str,
+    motion: &str,
+    choice: &FoldChoice,
+) -> Result<Vec<Fold>> {
     let is = |c: &ClipId| (c.subject == subject, c.motion == motion);
     let last_take = clips.iter().filter(|c| is(c) == (true, true)).map(|c| c.take).max();
     let Some(last_take) = last_take else {
@@ -83,17 +78,18 @@ pub fn dyna_cases(clips: &[ClipId], split: &SplitConfig, subject: &str, motion: 
         let known: Vec<ClipId> = clips.iter().filter(|c| test(c) || !unseen(c)).cloned().collect();
         fold(name.to_owned(), &known, split, test)
     };
-    let mut folds = Vec::new();
+    let mut folds: Vec<(&str, &str, Result<Fold>)> = Vec::new();
+    let mut push = |name: &'static str, unseen: &dyn Fn(&ClipId) -> bool| folds.push((name, "", case(name, unseen)));
     if clips.iter().any(|c| is(c) == (true, true) && c.take != last_take) {
-        folds.push(case("new-instance", &|_| false)?);
+        push("new-instance", &|_| false);
     }
     // a new motion is new for everybody: others' takes of it would show it
-    folds.push(case("new-motion", &|c| is(c).1)?);
+    push("new-motion", &|c| is(c).1);
     if clips.iter().any(|c| c.subject != subject) {
-        folds.push(case("new-subject", &|c| is(c).0)?);
-        folds.push(case("new-both", &|c| is(c).0 || is(c).1)?);
+        push("new-subject", &|c| is(c).0);
+        push("new-both", &|c| is(c).0 || is(c).1);
     }
-    Ok(folds)
+    choose(folds.into_iter(), choice)
 }
 
 fn fold(name: String, clips: &[ClipId], split: &SplitConfig, left_out: impl Fn(&ClipId) -> bool) -> Result<Fold> {
@@ -136,7 +132,7 @@ fn choose<'a>(folds: impl Iterator<Item = (&'a str, &'a str, Result<Fold>)>, cho
         && let Some(unknown) = names.iter().find(|n| !used.contains(*n))
     {
         return Err(EvalError::Refused(format!(
-            "no fold leaves out {unknown:?}: name a motion, a subject or subject/motion that is in the data"
+            "no fold leaves out {unknown:?}: name a motion, a subject, subject/motion or case that the data allow"
         )));
     }
     if chosen.is_empty() {
@@ -220,7 +216,7 @@ mod tests {
 
     #[test]
     fn dynas_cases_hide_what_their_names_say() {
-        let folds = dyna_cases(&clips(), &SplitConfig::default(), "b", "one_leg_jump").unwrap();
+        let folds = dyna_cases(&clips(), &SplitConfig::default(), "b", "one_leg_jump", &FoldChoice::All).unwrap();
         check(&folds);
         let seen = |name: &str, f: &dyn Fn(&ClipId) -> bool| {
             let fold = folds.iter().find(|x| x.name == name).unwrap();
@@ -232,15 +228,12 @@ mod tests {
         assert!(!seen("new-motion", &motion) && seen("new-motion", &subject));
         assert!(!seen("new-subject", &subject) && seen("new-subject", &motion));
         assert!(!seen("new-both", &|c| subject(c) || motion(c)));
-        assert!(dyna_cases(&clips(), &SplitConfig::default(), "c", "hips").is_err());
-    }
-
-    #[test]
-    fn held_out_needs_something_to_judge() {
-        let folds = held_out(&clips(), &SplitConfig::default()).unwrap();
-        check(&folds);
-        assert_eq!(folds[0].split.test.len(), 8);
-        let none = SplitConfig { test_motions: vec![], ..Default::default() };
-        assert!(held_out(&clips(), &none).is_err());
+        let run = |subject: &str, names: &[&str]| {
+            let choice = FoldChoice::Named(names.iter().map(|s| (*s).to_owned()).collect());
+            dyna_cases(&clips(), &SplitConfig::default(), subject, "hips", &choice)
+        };
+        assert_eq!(run("a", &["new-both"]).unwrap()[0].name, "new-both");
+        assert!(run("a", &["new-shoes"]).unwrap_err().to_string().contains("\"new-shoes\""));
+        assert!(run("c", &["new-both"]).is_err(), "a subject that is not there");
     }
 }

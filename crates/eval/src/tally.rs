@@ -128,6 +128,16 @@ pub struct Tally {
 }
 
 impl Tally {
+    /// Takes what was judged in another fold.
+    pub fn merge(&mut self, other: Self) {
+        self.truth = other.truth;
+        self.vertices = other.vertices;
+        self.clips.extend(other.clips);
+        for (name, speed) in other.speeds {
+            self.speeds.entry(name).or_insert(speed);
+        }
+    }
+
     /// Methods seen, sorted.
     pub fn methods(&self) -> BTreeSet<String> {
         self.clips.iter().flat_map(|c| c.methods.keys().cloned()).collect()
@@ -157,6 +167,9 @@ impl Tally {
             fit_objectives: BTreeMap::new(),
             rest_truth: None,
             shape_response: BTreeMap::new(),
+            validation_soft_ratio: BTreeMap::new(),
+            components_95: None,
+            peak_memory_bytes: None,
             decays: Vec::new(),
             gates: BTreeMap::new(),
             clips: self.clips.iter().map(clip_metrics).collect(),

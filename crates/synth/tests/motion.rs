@@ -160,6 +160,22 @@ fn the_body_stands_still_after_a_stop() {
 }
 
 #[test]
+fn counted_hops_land_just_before_the_standing() {
+    for (style, performance) in performances("hop_then_stand", 270) {
+        let changes: Vec<usize> =
+            (1..270).filter(|&t| performance.contacts[t] != performance.contacts[t - 1]).collect();
+        assert_eq!(changes.len(), 4, "two hops: {changes:?} {style:?}");
+        let (landing, stands) = (changes[3], 150);
+        assert!((stands - 36..stands - 6).contains(&landing), "it lands at frame {landing}, {style:?}");
+        let clip = &performance.clip;
+        for t in stands + 1..269 {
+            let moved = clip.translations[t].distance(clip.translations[t + 1]);
+            assert!(moved < 1e-4, "frame {t} moves by {moved} m, {style:?}");
+        }
+    }
+}
+
+#[test]
 fn the_same_request_gives_the_same_clip_and_another_take_another() {
     let figure = test_figure();
     let style = Style::draw(5, 1);

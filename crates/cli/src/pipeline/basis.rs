@@ -4,30 +4,31 @@ use super::context::{Context, Place, damaged};
 use anyhow::Result;
 use softtissue_body::BodyModel;
 use softtissue_bundle::DeltaBasis;
-use softtissue_clips::{ClipId, FitSet, Split};
+use softtissue_clips::{ClipId, FitSet, Split, TruthSet};
+use softtissue_eval::ComponentMetrics;
 use softtissue_geometry::Frames;
 use softtissue_model::{FrameSource, ModelError, Pca, coefficients_of};
 use softtissue_random::Draws;
 use softtissue_store::{TensorFile, TensorFileWriter};
 use std::path::Path;
 
-/// Training deltas, each clip followed by its mirror image if asked for.
-struct TrainingDeltas<'a> {
-    fit: &'a FitSet,
+/// Deltas of clips, each followed by its mirror image if asked for.
+struct Deltas<'a> {
+    of: &'a (dyn Fn(&ClipId) -> Result<Frames, ModelError> + Sync),
     body: &'a BodyModel,
     clips: &'a [ClipId],
     mirror: bool,
 }
 
-impl FrameSource for TrainingDeltas<'_> {
+impl FrameSource for Deltas<'_> {
     fn width(&self) -> usize {
-        3 * self.fit.vertex_count()
+        3 * self.body.vertex_count()
     }
     fn chunk_count(&self) -> usize {
         self.clips.len()
     }
     fn chunk(&self, i: usize) -> Result<Vec<f32>, ModelError> {
-        let deltas = self.fit.deltas(&self.clips[i])?.deltas;
+        let deltas = (self.of)(&self.clips[i])?;
         let mut numbers = deltas.to_numbers();
         if self.mirror {
             numbers.extend(self.body.mirror.fields(&deltas).to_numbers());
@@ -46,11 +47,31 @@ pub fn learn_basis(context: &Context, place: &Place, body: &BodyModel, fit: &Fit
             .ok_or_else(|| damaged(&path, "its arrays do not fit together".into()));
     }
     let config = &context.config.subspace;
-    let source = TrainingDeltas { fit, body, clips: &split.train, mirror: config.mirror };
+    let of = |id: &ClipId| Ok(fit.deltas(id)?.deltas);
+    let source = Deltas { of: &of, body, clips: &split.train, mirror: config.mirror };
     let mut draws = Draws::new(context.config.seed, &place.stage("basis"), 0, 0);
     let pca = Pca::fit(&source, &config.pca, &mut draws, context.monitor)?;
     write(&pca, &place.fingerprint, &path)?;
     Ok(pca)
+}
+
+/// Components for 95 % of the variance: of the learned basis and, where there is truth, of the same clips' true deltas.
+pub fn count_components(
+    context: &Context,
+    body: &BodyModel,
+    pca: &Pca,
+    truth: Option<&TruthSet>,
+    split: &Split,
+) -> Result<ComponentMetrics> {
+    let count = |pca: &Pca| pca.components_for(0.95).unwrap_or_else(|| pca.components()) as u32;
+    let config = &context.config.subspace;
+    let of_truth = |truth: &TruthSet| -> Result<u32> {
+        let of = |id: &ClipId| Ok(truth.deltas(id)?.deltas);
+        let source = Deltas { of: &of, body, clips: &split.train, mirror: config.mirror };
+        let mut draws = Draws::new(context.config.seed, "true components", 0, 0);
+        Ok(count(&Pca::fit(&source, &config.pca, &mut draws, context.monitor)?))
+    };
+    Ok(ComponentMetrics { scan: Some(count(pca)), truth: truth.map(of_truth).transpose()? })
 }
 
 fn write(pca: &Pca, fingerprint: &str, path: &Path) -> Result<()> {

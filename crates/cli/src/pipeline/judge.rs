@@ -1,19 +1,22 @@
 //! What a run is worth: opened truth, measures, report.
 
+use super::basis::count_components;
 use super::bundle::{BundleMethod, SubspaceCodec};
 use super::context::Context;
 use super::learn::Learned;
 use super::probes::stop_probes;
 use super::scans::Scans;
+use crate::memory::peak_memory_bytes;
 use anyhow::Result;
 use softtissue_body::BodyModel;
 use softtissue_bundle::{Decoder, DeltaBasis, Encoder, Linear, Matrix, Subspace};
 use softtissue_clips::{ClipId, FitSet, Split};
 use softtissue_eval::{
-    CodecPair, DecayTrace, LongRollout, Method, Metrics, Scene, Tally, acceptance, judge, judge_bounded, judge_fit,
-    judge_stops, judge_subspace, training_peaks,
+    CodecPair, DecayTrace, LongRollout, Method, Metrics, Scene, Tally, WITHOUT_GRU, acceptance, judge, judge_bounded,
+    judge_fit, judge_shapes, judge_stops, judge_subspace, training_peaks,
 };
 use softtissue_model::truncated;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// What was found.
@@ -46,7 +49,11 @@ pub fn judge_run(
     let mut tally = Tally::default();
     context.timed("judge: test clips", || Ok(judge(&mut tally, &scene, &methods, clips, None, context.monitor)?))?;
     let mut metrics = tally.metrics("held-out", context.config.seed);
+    metrics.validation_soft_ratio =
+        context.timed("judge: validation clips", || on_validation(&scene, split, &ours, learned, context))?;
     metrics.subspace = context.timed("judge: subspaces", || judge_codecs(&scene, learned, clips, context))?;
+    let components = || count_components(context, body, &learned.pca, truth.as_ref(), split);
+    metrics.components_95 = Some(context.timed("judge: components", components)?);
     metrics.fit = context.timed("judge: fit", || Ok(judge_fit(&scene, &all(split), context.monitor)?))?;
     if context.config.eval.compare_objectives {
         metrics.fit_objectives =
@@ -55,15 +62,50 @@ pub fn judge_run(
     if context.config.eval.bounded_seconds > 0.0 {
         context.timed("judge: long rollout", || bounded(&mut metrics, &scene, split, &ours, context))?;
     }
+    context.timed("judge: shapes", || shapes(&mut metrics, &scene, clips, &ours, context))?;
     let decays = context.timed("judge: rest and decay", || {
-        let probes = stop_probes(context, body, fit, split, truth.is_some() && scans.generated)?;
+        let probes = stop_probes(context, fit, split, truth.is_some() && scans.generated)?;
         let ladder = learned.ladder.iter().filter(|m| m.name.starts_with("ar2-subject") || m.name == "resonators");
         let mut heard: Vec<&dyn Method> = vec![&ours];
         heard.extend(ladder.map(|m| m as &dyn Method));
         Ok(judge_stops(&mut metrics, body, &heard, &probes, context.monitor)?)
     })?;
+    metrics.peak_memory_bytes = peak_memory_bytes();
     metrics.gates = acceptance(&metrics);
     Ok(Judgement { metrics, tally, decays })
+}
+
+/// Soft ratio of the method and of the same without its recurrent unit on the clips that selected it.
+fn on_validation(
+    scene: &Scene,
+    split: &Split,
+    ours: &BundleMethod,
+    learned: &Learned,
+    context: &Context,
+) -> Result<BTreeMap<String, f64>> {
+    let mut methods: Vec<&dyn Method> = vec![ours];
+    methods.extend(learned.ablations.iter().filter(|m| m.name == WITHOUT_GRU).map(|m| m as &dyn Method));
+    let mut tally = Tally::default();
+    judge(&mut tally, &Scene { scans: None, ..*scene }, &methods, &split.validation, None, context.monitor)?;
+    let figures = tally.metrics("validation", context.config.seed).methods;
+    let ratio = |m: &&dyn Method| Some((m.name().to_owned(), figures.get(m.name())?.soft_ratio?));
+    Ok(methods.iter().filter_map(ratio).collect())
+}
+
+/// Values of `beta[1]` at which the answer to body mass is measured; the lowest is the heaviest.
+const SHAPES: [f32; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
+
+/// The heaviest subject's first test clip on bodies of other mass.
+fn shapes(
+    metrics: &mut Metrics,
+    scene: &Scene,
+    clips: &[ClipId],
+    ours: &BundleMethod,
+    context: &Context,
+) -> Result<()> {
+    let Some(id) = heaviest(scene.fit, clips)? else { return Ok(()) };
+    let Some(motion) = scene.motion(&id, scene.main_channel())? else { return Ok(()) };
+    Ok(judge_shapes(metrics, scene.body, &[ours], &scene.beta(&id)?, &motion, &SHAPES, context.monitor)?)
 }
 
 fn all(split: &Split) -> Vec<ClipId> {
@@ -75,7 +117,7 @@ fn judge_codecs(
     learned: &Learned,
     clips: &[ClipId],
     context: &Context,
-) -> Result<std::collections::BTreeMap<u32, softtissue_eval::SubspaceMetrics>> {
+) -> Result<BTreeMap<u32, softtissue_eval::SubspaceMetrics>> {
     let basis = &learned.pca.basis;
     let codecs: Vec<(u32, SubspaceCodec, SubspaceCodec, bool)> = learned
         .subspaces

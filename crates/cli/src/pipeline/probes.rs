@@ -1,12 +1,15 @@
-//! Motions that end in standing still, simulated for evaluation alone: rest and free decay.
+//! A motion that ends in standing still, simulated for evaluation alone: rest and free decay.
 
 use super::context::Context;
 use super::judge::heaviest;
 use anyhow::Result;
-use softtissue_body::BodyModel;
-use softtissue_clips::{ClipId, FitSet, Split, TruthSet};
+use rayon::prelude::*;
+use softtissue_clips::{ClipId, DeltaClip, FitSet, MotionClip, Split};
 use softtissue_eval::StopProbe;
-use softtissue_synth::dataset;
+use softtissue_monitor::Monitor;
+use softtissue_synth::SynthError;
+use softtissue_synth::dataset::{Bodies, SynthConfig, true_clip};
+use std::path::{Path, PathBuf};
 
 /// Name of the motion in the generator.
 const MOTION: &str = "hop_then_stand";
@@ -17,37 +20,63 @@ const STILL: f32 = 2.0;
 
 /// The probes of the heaviest subjects, for generated scans; none for scans of real people, whose flesh cannot be
 /// asked.
-pub fn stop_probes(
-    context: &Context,
-    body: &BodyModel,
-    fit: &FitSet,
-    split: &Split,
-    generated: bool,
-) -> Result<Vec<StopProbe>> {
+pub fn stop_probes(context: &Context, fit: &FitSet, split: &Split, generated: bool) -> Result<Vec<StopProbe>> {
     let wanted = context.config.eval.decay_subjects;
     if !generated || wanted == 0 {
         return Ok(vec![]);
     }
-    let mut config = context.config.synth.clone();
-    config.motions = vec![MOTION.into()];
-    config.takes = 1;
-    config.frames = (SECONDS * config.fps) as usize;
-    let out = context.data_dir.join("cache").join(format!("probe-{}", &config.fingerprint()[..16]));
-    let set = dataset::write(&config, &out, context.monitor)?;
-    let truth = TruthSet::open(&dataset::truth_path(&out))?;
-    let mut left: Vec<ClipId> = split.train.clone();
-    let mut probes = Vec::new();
-    while let Some(next) = heaviest(fit, &left)?.filter(|_| probes.len() < wanted) {
-        left.retain(|id| id.subject != next.subject);
-        let id = ClipId::new(&next.subject, MOTION, 0);
-        if !set.ids().contains(&id) {
-            continue;
-        }
-        let motion = truth.motion(&id)?;
-        let deltas = truth.deltas(&id)?.deltas;
-        debug_assert_eq!(deltas.points_per_frame(), body.vertex_count());
+    let synth = context.config.synth.clone();
+    let config =
+        SynthConfig { motions: vec![MOTION.into()], frames: (SECONDS * synth.fps) as usize, takes: 1, ..synth };
+    let folder = context.data_dir.join("cache").join(format!("stop-{}", &config.fingerprint()[..16]));
+    let subjects = heaviest_subjects(fit, &split.train, wanted)?;
+    simulate(&config, &subjects, &folder, context.monitor)?;
+    let probe = |subject: &String| {
+        let (motion, deltas) = kept(&folder, subject);
+        let motion = MotionClip::read(&motion)?;
         let stop_frame = motion.len().saturating_sub((STILL * motion.fps) as usize);
-        probes.push(StopProbe { beta: fit.subject(&next.subject)?.beta, motion, stop_frame, truth: Some(deltas) });
+        let truth = Some(DeltaClip::read(&deltas)?.deltas);
+        Ok(StopProbe { beta: fit.subject(subject)?.beta, motion, stop_frame, truth })
+    };
+    subjects.iter().map(probe).collect()
+}
+
+/// Names of the `count` heaviest subjects of the clips, the heaviest first.
+fn heaviest_subjects(fit: &FitSet, clips: &[ClipId], count: usize) -> Result<Vec<String>> {
+    let mut left = clips.to_vec();
+    let mut subjects = Vec::new();
+    while subjects.len() < count {
+        let Some(next) = heaviest(fit, &left)? else { break };
+        left.retain(|id| id.subject != next.subject);
+        subjects.push(next.subject);
     }
-    Ok(probes)
+    Ok(subjects)
+}
+
+/// Where a subject's motion and deltas are kept.
+fn kept(folder: &Path, subject: &str) -> (PathBuf, PathBuf) {
+    (folder.join(format!("{subject}-motion.safetensors")), folder.join(format!("{subject}-deltas.safetensors")))
+}
+
+/// Simulates the subjects that are not kept yet. The deltas are written last.
+fn simulate(config: &SynthConfig, subjects: &[String], folder: &Path, monitor: &dyn Monitor) -> Result<()> {
+    let missing: Vec<&String> = subjects.iter().filter(|s| !kept(folder, s).1.exists()).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let bodies = Bodies::generate(config)?;
+    monitor.begin("simulate stops", missing.len() as u64, "clips");
+    let done = missing.par_iter().try_for_each(|subject| {
+        if monitor.should_stop() {
+            return Err(SynthError::Stopped.into());
+        }
+        let (motion, deltas) = true_clip(config, &bodies, subject, MOTION)?;
+        let (motion_path, deltas_path) = kept(folder, subject);
+        motion.write(&motion_path)?;
+        deltas.write(&deltas_path)?;
+        monitor.advance(1, subject);
+        Ok(())
+    });
+    monitor.end();
+    done
 }

@@ -9,7 +9,7 @@ use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::train::{Provenance, finish};
 use anyhow::Result;
-use softtissue_eval::protocol::{Fold, FoldChoice, leave_one_sequence_out, leave_one_subject_out};
+use softtissue_eval::protocol::{Fold, FoldChoice, dyna_cases, leave_one_sequence_out, leave_one_subject_out};
 use softtissue_eval::{Method, Metrics, Scene, Tally, judge};
 use softtissue_store::read_json;
 use std::sync::Arc;
@@ -70,7 +70,12 @@ fn protocol(args: &EvalArgs, context: &Context, base: &Opened) -> Result<Metrics
         let ours = BundleMethod { name: learned.bundle.info.method.clone(), bundle: Arc::clone(&learned.bundle) };
         let mut methods: Vec<&dyn Method> = vec![&ours];
         methods.extend(learned.ladder.iter().map(|m| m as &dyn Method));
-        judge(&mut tally, &scene, &methods, &job.split.test, Some(&left_out), context.monitor)?;
+        let mut one = Tally::default();
+        judge(&mut one, &scene, &methods, &job.split.test, Some(&left_out), context.monitor)?;
+        if let Some(ratio) = one.metrics(name, 0).methods.get(ours.name()).and_then(|m| m.soft_ratio) {
+            context.monitor.say(&format!("  {left_out}: soft ratio {ratio:.3}"));
+        }
+        tally.merge(one);
     }
     let metrics = tally.metrics(name, context.config.seed);
     let path = context.run.root().join(format!("metrics-{name}.json"));
@@ -92,6 +97,13 @@ fn folds(args: &EvalArgs, context: &Context, base: &Opened) -> Result<(&'static 
     };
     let split = &context.config.split;
     Ok(match args.protocol {
+        Protocol::DynaCases => {
+            let judged = if base.split.test.is_empty() { &clips } else { &base.split.test };
+            let Some(id) = heaviest(&prepare(context, base.clone())?.fit, judged)? else {
+                return Err(InputError("there is no clip to judge".into()).into());
+            };
+            ("dyna-cases", dyna_cases(&clips, split, &id.subject, &id.motion, &choice)?)
+        }
         Protocol::Subjects => ("leave-one-subject-out", leave_one_subject_out(&clips, split, &choice)?),
         _ => ("leave-one-sequence-out", leave_one_sequence_out(&clips, split, &choice)?),
     })

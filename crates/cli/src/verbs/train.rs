@@ -214,6 +214,11 @@ fn summary(judgement: &Judgement, folder: &RunFolder, seconds: f64) {
         }
     }
     crate::print_line("");
+    crate::print_line("acceptance                     found        asked");
+    for (name, gate) in &metrics.gates {
+        crate::print_line(&format!("{name:<30} {:<12} {:<18} {}", gate.found(), gate.asked(), gate.verdict()));
+    }
+    crate::print_line("");
     for (label, path) in [
         ("report", folder.report()),
         ("bundle", folder.bundle()),

@@ -9,6 +9,7 @@ mod tables;
 mod text;
 
 pub use playback::{PlaybackClip, playback};
+pub(crate) use text::number;
 
 use crate::{DecayTrace, Metrics, Result, Tally};
 use softtissue_body::BodyModel;

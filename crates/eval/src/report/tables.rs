@@ -111,16 +111,6 @@ pub fn headline(metrics: &Metrics) -> String {
     out + "</div>"
 }
 
-fn asked(gate: &Gate) -> String {
-    let unit = if gate.unit.is_empty() { String::new() } else { format!(" {}", escape(&gate.unit)) };
-    match (gate.at_least, gate.at_most) {
-        (Some(low), Some(high)) => format!("{} to {}{unit}", number(low), number(high)),
-        (Some(low), None) => format!("at least {}{unit}", number(low)),
-        (None, Some(high)) => format!("at most {}{unit}", number(high)),
-        (None, None) => "–".into(),
-    }
-}
-
 /// Acceptance values, the missed ones first to be seen.
 pub fn gates(metrics: &Metrics) -> String {
     let mut rows: Vec<(&String, &Gate)> = metrics.gates.iter().collect();
@@ -134,15 +124,14 @@ pub fn gates(metrics: &Metrics) -> String {
     for (name, gate) in rows {
         let _ = write!(out, "<tr><th scope=\"row\"><code>{}</code></th>", escape(name));
         cell(&mut out, &escape(&gate.what), "words");
-        let unit = if gate.unit.is_empty() { String::new() } else { format!(" {}", escape(&gate.unit)) };
-        cell(&mut out, &gate.value.map_or_else(|| "–".into(), |v| number(v) + &unit), "");
-        cell(&mut out, &asked(gate), "");
-        let (class, word) = match gate.met {
-            Some(true) => ("met", "met"),
-            Some(false) => ("missed", "missed"),
-            None => ("open", "not measured"),
+        cell(&mut out, &escape(&gate.found()), "");
+        cell(&mut out, &escape(&gate.asked()), "");
+        let class = match gate.met {
+            Some(true) => "met",
+            Some(false) => "missed",
+            None => "open",
         };
-        let _ = write!(out, "<td><span class=\"chip {class}\">{word}</span></td></tr>");
+        let _ = write!(out, "<td><span class=\"chip {class}\">{}</span></td></tr>", gate.verdict());
     }
     out + TAIL
 }

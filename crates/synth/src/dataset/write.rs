@@ -2,7 +2,7 @@ use super::{Bodies, SynthConfig};
 use crate::flesh::Simulator;
 use crate::motion::{self, Request};
 use crate::scanner::{clean, rough_motion, scan};
-use crate::subject::Subject;
+use crate::subject::{Subject, subject_name};
 use crate::{Result, SynthError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -82,6 +82,29 @@ pub fn write_with(config: &SynthConfig, bodies: &Bodies, out: &Path, monitor: &d
     Ok(ScanSet::finish(&scans_path(out), body.vertex_count(), &body.topology.hash(), provenance, entries)?)
 }
 
+/// One more motion of a person of a set, true motion and true deltas: for questions to the simulator that need no
+/// scan. `subject` is a name as in the set's clips, `config.frames` the length.
+///
+/// # Errors
+/// As [`write()`], less the disk; a subject that the set has not.
+pub fn true_clip(
+    config: &SynthConfig,
+    bodies: &Bodies,
+    subject: &str,
+    motion: &str,
+) -> Result<(MotionClip, DeltaClip)> {
+    config.check()?;
+    let mut people = config.bmi.iter().enumerate();
+    let Some((index, bmi)) = people.find(|(index, _)| subject_name(*index) == subject) else {
+        let reason = format!("{} subjects are stated, and {subject} is none of them", config.bmi.len());
+        return Err(SynthError::Config { field: "bmi", reason });
+    };
+    let maker = Maker::new(config, bodies, index, *bmi)?;
+    let motion = maker.motion(&ClipId::new(subject, motion, 0))?;
+    let deltas = maker.true_deltas(&motion)?;
+    Ok((motion, deltas))
+}
+
 /// Opens the folder: a finished set, or `None` where there is work left. Refuses another configuration's folder.
 fn begin(config: &SynthConfig, out: &Path) -> Result<Option<ScanSet>> {
     let path = out.join("synth.json");
@@ -136,8 +159,8 @@ impl<'a> Maker<'a> {
         config.motions.iter().flat_map(takes).map(|(m, take)| ClipId::new(&self.subject.name, m, take)).collect()
     }
 
-    /// Makes and writes one clip; the scan is written last.
-    fn make(&self, id: &ClipId, out: &Path) -> Result<()> {
+    /// The motion of a clip, made for the body that carries it: joints of both levels agree only nearly.
+    fn motion(&self, id: &ClipId) -> Result<MotionClip> {
         let config = self.config;
         let request = Request {
             subject: &id.subject,
@@ -147,8 +170,13 @@ impl<'a> Maker<'a> {
             fps: config.fps,
             seed: config.seed,
         };
-        // joints of both levels agree only nearly: the motion is made for the body that carries it
-        let motion = motion::generate(&request, &self.shaped, &self.subject.style)?;
+        motion::generate(&request, &self.shaped, &self.subject.style)
+    }
+
+    /// Makes and writes one clip; the scan is written last.
+    fn make(&self, id: &ClipId, out: &Path) -> Result<()> {
+        let config = self.config;
+        let motion = self.motion(id)?;
         let deltas = self.true_deltas(&motion)?;
         let (scans, truth) = (scans_path(out), truth_path(out));
         let body = &self.bodies.scanned().model;

@@ -1,12 +1,12 @@
 //! Motions with flights: hops on both feet or one, jumping jacks, running on the spot.
 use super::plan::{Contacts, Course, Feet, Footing, Hop, Plant};
 use super::posture::{Lift, Posture};
-use super::stage::{AHEAD, Stage};
+use super::stage::{AHEAD, REST, Stage};
 use super::track::{Ends, Force, GRAVITY, Phase, smooth};
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 
-/// When the dip for the first take-off begins, seconds.
+/// When the dip for the first take-off begins at the earliest, seconds.
 const DIP: f64 = 0.55;
 /// From there to the take-off, seconds: less would ask for a harder push than the landings.
 const PUSH_OFF: f64 = 0.42;
@@ -34,19 +34,20 @@ struct Kind {
     width: f64,
     /// Heel raise at take-off and landing, and at the bottom of the stance, radians.
     heel: [f64; 2],
-    /// At most so many hops.
-    hops: usize,
+    /// Exactly so many hops, the last landing as late as the clip allows: the flesh still rings when the body stands.
+    /// Their flights do not follow a subject's style.
+    hops: Option<usize>,
 }
 
 fn kind(name: &str) -> Option<Kind> {
     let kind = |pattern, flight, peak, width, heel, hops| Some(Kind { pattern, flight, peak, width, heel, hops });
     match name {
-        "light_hopping_loose" => kind(Pattern::Loose, 0.21, 2.95, 1.0, [0.42, 0.0], 99),
-        "light_hopping_stiff" => kind(Pattern::Stiff, 0.19, 3.2, 0.85, [0.38, 0.18], 99),
-        "jumping_jacks" => kind(Pattern::Jacks, 0.28, 3.25, 0.8, [0.42, 0.05], 99),
-        "one_leg_jump" => kind(Pattern::OneLeg, 0.22, 3.1, 0.8, [0.38, 0.0], 99),
-        "running_on_spot" => kind(Pattern::Running, 0.13, 2.9, 0.8, [0.33, 0.0], 99),
-        "hop" => kind(Pattern::Loose, 0.3, 3.2, 1.0, [0.42, 0.0], 2),
+        "light_hopping_loose" => kind(Pattern::Loose, 0.21, 2.95, 1.0, [0.42, 0.0], None),
+        "light_hopping_stiff" => kind(Pattern::Stiff, 0.19, 3.2, 0.85, [0.38, 0.18], None),
+        "jumping_jacks" => kind(Pattern::Jacks, 0.28, 3.25, 0.8, [0.42, 0.05], None),
+        "one_leg_jump" => kind(Pattern::OneLeg, 0.22, 3.1, 0.8, [0.38, 0.0], None),
+        "running_on_spot" => kind(Pattern::Running, 0.13, 2.9, 0.8, [0.33, 0.0], None),
+        "hop" => kind(Pattern::Loose, 0.2, 3.5, 1.0, [0.42, 0.0], Some(2)),
         _ => None,
     }
 }
@@ -69,27 +70,36 @@ impl Hopping {
     /// `None` if `name` is no hopping motion.
     pub fn new(name: &str, stage: &Stage) -> Option<Self> {
         let kind = kind(name)?;
+        let hopping = Self::from(kind, stage, DIP);
+        let late = stage.stop.filter(|_| kind.hops.is_some()).map_or(0.0, |stop| stop + REST - hopping.course.end());
+        Some(if late > 0.0 { Self::from(kind, stage, DIP + late) } else { hopping })
+    }
+
+    /// The dip for the first take-off begins at `push_off`.
+    fn from(kind: Kind, stage: &Stage, push_off: f64) -> Self {
         let places = stage.places(kind.width);
         let peak = (kind.peak * stage.style.firmness).clamp(2.75, 3.6);
-        let (hops, finished) = plan(&kind, stage, places, peak);
+        let (hops, finished) = plan(&kind, stage, places, peak, push_off);
         let feet = footings(&kind, &hops, places, finished);
         let stop = if finished { hops.last().map(|h| h.landing) } else { None };
-        let course = Course::new(DIP, &[], &vec![], None);
-        let mut hopping = Self { kind, hops, feet, places, course, mass: DVec3::ZERO, stop, push_off: DIP };
+        let course = Course::new(push_off, &[], &vec![], None);
+        let mut hopping = Self { kind, hops, feet, places, course, mass: DVec3::ZERO, stop, push_off };
         let standing = hopping.limbs(stage, hopping.push_off);
         hopping.mass = stage.standing_mass(&standing);
         let contacts = hopping.contacts(stage);
-        hopping.course = Course::new(DIP, &hopping.hops, &contacts, finished.then_some(peak));
-        Some(hopping)
+        hopping.course = Course::new(push_off, &hopping.hops, &contacts, finished.then_some(peak));
+        hopping
     }
 
     pub fn places(&self) -> [DVec2; 2] {
         self.places
     }
 
-    /// 0 in the A-pose and at rest, 1 between.
+    /// 0 in the A-pose and at rest, 1 between. Who hops a counted number of times stands as the last landing ends:
+    /// arms that go back would move the flesh on.
     pub fn envelope(&self, t: f64) -> f64 {
-        smooth((t - 0.35) / 0.45) * self.stop.map_or(1.0, |stop| 1.0 - smooth((t - stop - 0.12) / 0.5))
+        let back = self.stop.filter(|_| self.kind.hops.is_none());
+        smooth((t - 0.35) / 0.45) * back.map_or(1.0, |stop| 1.0 - smooth((t - stop - 0.12) / 0.5))
     }
 
     pub fn posture(&self, stage: &Stage, t: f64) -> Posture {
@@ -221,7 +231,7 @@ impl Hopping {
     /// Hops done, as a running number: whole in the middle of each stance.
     fn beats(&self, t: f64) -> f64 {
         let middle = |i: usize| {
-            let from = if i == 0 { DIP } else { self.hops[i - 1].landing };
+            let from = if i == 0 { self.push_off } else { self.hops[i - 1].landing };
             let to = self.hops.get(i).map_or(from + 0.25, |h| h.takeoff);
             0.5 * (from + to)
         };
@@ -279,20 +289,24 @@ impl Hopping {
 }
 
 /// Hops until the clip ends, or until the first landing after the stop; and whether they end.
-fn plan(kind: &Kind, stage: &Stage, places: [DVec2; 2], peak: f64) -> (Vec<Hop>, bool) {
+fn plan(kind: &Kind, stage: &Stage, places: [DVec2; 2], peak: f64, push_off: f64) -> (Vec<Hop>, bool) {
     let tempo = stage.style.tempo * stage.take.tempo;
-    let flight = |i: usize| {
-        (kind.flight * stage.size().sqrt() * stage.cycle(i) / tempo).clamp(0.7 * kind.flight, 1.35 * kind.flight)
+    // counted hops measure the flesh: they are the same for everybody
+    let flight = |i: usize| match kind.hops {
+        Some(_) => kind.flight,
+        None => {
+            (kind.flight * stage.size().sqrt() * stage.cycle(i) / tempo).clamp(0.7 * kind.flight, 1.35 * kind.flight)
+        }
     };
     let lead = usize::from(stage.style.left_footed);
     let standing = usize::from(!stage.style.left_footed);
     let rise = |i: usize| 0.5 * GRAVITY * flight(i);
-    let mut takeoff = DIP + PUSH_OFF;
+    let mut takeoff = push_off + PUSH_OFF;
     let mut hops = Vec::new();
     while takeoff < stage.duration + 0.5 {
         let i = hops.len();
         let landing = takeoff + flight(i);
-        let last = i + 1 >= kind.hops || stage.stop.is_some_and(|stop| landing >= stop);
+        let last = kind.hops.is_some_and(|n| i + 1 >= n) || stage.stop.is_some_and(|stop| landing >= stop);
         let feet = match kind.pattern {
             Pattern::Running if !last => Feet::One((lead + i) % 2),
             Pattern::OneLeg if !last => Feet::One(standing),

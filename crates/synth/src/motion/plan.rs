@@ -117,6 +117,11 @@ impl Course {
         Self { phases }
     }
 
+    /// When the last phase ends, seconds.
+    pub fn end(&self) -> f64 {
+        self.phases.last().map_or(0.0, |p| p.start + p.duration)
+    }
+
     /// Height of the centre of mass over standing.
     pub fn height(&self, t: f64) -> f64 {
         match self.phases.iter().find(|p| p.ends_after(t)).or(self.phases.last()) {

@@ -83,6 +83,11 @@ pub struct Subject {
     pub mismatch: PoseMismatch,
 }
 
+/// Name of person number `index` of a set: `s00`, `s01`, ...
+pub fn subject_name(index: usize) -> String {
+    format!("s{index:02}")
+}
+
 impl Subject {
     /// Person number `index` of a run: of body mass index `bmi`, everything else from the seed. `mean` is the
     /// material that the hidden one scatters about.
@@ -115,7 +120,7 @@ impl Subject {
             detail = detail::static_detail(body, &mut draws, size);
         }
         Ok(Self {
-            name: format!("s{index:02}"),
+            name: subject_name(index),
             bmi: anatomy.bmi(&beta),
             style: if config.style { Style::draw(seed, number) } else { Style::neutral() },
             material,
