@@ -1,14 +1,19 @@
 //! Stopping and going on: the same bytes as not stopping.
 
 use crate::support::{Said, bytes_below, folder, measures, tiny_run, tiny_train};
+use softtissue_random::Draws;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-/// Starts a run that holds after `done` steps of `stage` until a signal comes, and waits until it is there.
+/// Starts a run, or goes on with one, that holds after `done` steps of `stage` until a signal comes, and waits until it
+/// is there.
 fn start_and_hold(config: &Path, out: &Path, stage: &str, done: u64, deaf: bool) -> Child {
     let place = format!("{stage}:{done}{}", if deaf { ":deaf" } else { "" });
+    let resume = out.join("config.toml").exists().then_some("--resume");
     let mut child = tiny_train(config, out)
+        .args(resume)
         .env("SOFTTISSUE_PAUSE_AT", place)
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -71,22 +76,36 @@ fn steps(run: &Path) -> Vec<String> {
 fn stopped_runs_end_in_the_same_bytes() {
     let whole = tiny_run();
     let home = folder("resumed");
-    let stops = [("subspace-8", 3, "-INT", 130), ("subspace-16", 7, "-TERM", 143), ("regressor", 5, "-KILL", -1)];
-    for (stage, done, name, code) in stops {
+    let signals = [("-INT", 130), ("-TERM", 143), ("-KILL", -1)];
+    for (index, stage) in ["subspace-8", "subspace-16", "regressor"].into_iter().enumerate() {
         let out = home.join(stage);
-        let child = start_and_hold(&whole.config, &out, stage, done, false);
-        signal(&child, name);
-        let said = end(child);
-        assert_eq!(said.code, code, "{name} in {stage}: {}", said.err);
-        if name != "-KILL" {
-            assert!(said.err.contains("--resume") && said.err.contains(&format!("after {done} steps")), "{}", said.err);
+        for (stop, done) in drawn_steps(index as u64).into_iter().enumerate() {
+            let (name, code) = signals[(index + stop) % signals.len()];
+            let child = start_and_hold(&whole.config, &out, stage, done, false);
+            signal(&child, name);
+            let said = end(child);
+            assert_eq!(said.code, code, "{name} in {stage}: {}", said.err);
+            if name != "-KILL" {
+                let steps = format!("after {done} steps");
+                assert!(said.err.contains("--resume") && said.err.contains(&steps), "{}", said.err);
+            }
+            assert!(!out.join("bundle/manifest.json").exists(), "it was stopped before its end");
         }
-        assert!(!out.join("bundle/manifest.json").exists(), "it was stopped before its end");
         resume(&whole.config, &out).fine();
-        assert_eq!(steps(&out), steps(&whole.path), "each step is logged once: {stage} by {name}");
-        assert!(learned(&out) == learned(&whole.path), "stopped in {stage} by {name}");
-        assert_eq!(measures(&out), measures(&whole.path), "stopped in {stage} by {name}");
+        assert_eq!(steps(&out), steps(&whole.path), "each step is logged once: {stage}");
+        assert!(learned(&out) == learned(&whole.path), "stopped in {stage}");
+        assert_eq!(measures(&out), measures(&whole.path), "stopped in {stage}");
     }
+}
+
+/// Three different steps of a stage's twelve, ascending, drawn.
+fn drawn_steps(stage: u64) -> Vec<u64> {
+    let mut draws = Draws::new(7, "stops", stage, 0);
+    let mut steps = BTreeSet::new();
+    while steps.len() < 3 {
+        steps.insert(1 + draws.bits() % 11);
+    }
+    steps.into_iter().collect()
 }
 
 #[test]

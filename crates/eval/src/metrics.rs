@@ -9,7 +9,7 @@ use std::path::Path;
 pub const SCHEMA: u32 = 1;
 
 /// Everything measured in one run: the content of `metrics.json`. What was not measured is absent, never zero.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Metrics {
     /// [`SCHEMA`].
@@ -329,17 +329,9 @@ mod tests {
             methods: [("softtissue".to_owned(), method)].into(),
             subspace: [(25, SubspaceMetrics { pca_mm: Some(1.0), ..Default::default() }), (100, Default::default())]
                 .into(),
-            fit: None,
-            fit_objectives: BTreeMap::new(),
-            rest_truth: None,
-            shape_response: BTreeMap::new(),
-            validation_soft_ratio: BTreeMap::new(),
-            components_95: None,
-            peak_memory_bytes: None,
-            decays: vec![],
             gates: [("regressor.soft_ratio".to_owned(), Gate::new("soft ratio", "", Some(0.4), None, Some(0.6)))]
                 .into(),
-            clips: vec![],
+            ..Default::default()
         }
     }
 

@@ -162,17 +162,8 @@ impl Tally {
                 frames: self.clips.iter().map(|c| c.frames).sum(),
             },
             methods: methods.collect(),
-            subspace: BTreeMap::new(),
-            fit: None,
-            fit_objectives: BTreeMap::new(),
-            rest_truth: None,
-            shape_response: BTreeMap::new(),
-            validation_soft_ratio: BTreeMap::new(),
-            components_95: None,
-            peak_memory_bytes: None,
-            decays: Vec::new(),
-            gates: BTreeMap::new(),
             clips: self.clips.iter().map(clip_metrics).collect(),
+            ..Default::default()
         }
     }
 

@@ -90,6 +90,11 @@ fn read_back(path: &Path) -> (Frames, Vec<f32>) {
     (frames, times)
 }
 
+/// A motion at 60 frames a second.
+fn animation<'a>(topology: &'a Topology, vertices: &'a Frames) -> Animation<'a> {
+    Animation { name: "tube", topology, fps: 60.0, vertices, extras: &serde_json::Value::Null }
+}
+
 /// `v` and `f` lines of an OBJ.
 fn read_obj(path: &Path) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let (mut vertices, mut faces) = (vec![], vec![]);
@@ -108,7 +113,7 @@ fn read_obj(path: &Path) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 fn gltf_and_obj_hold_the_same_motion_within_half_a_millimetre_on_every_frame() {
     let (topology, vertices) = (tube(), motion(90));
     let extras = serde_json::json!({"motion": "tube"});
-    let animation = Animation { name: "tube", topology: &topology, fps: 60.0, vertices: &vertices, extras: &extras };
+    let animation = Animation { extras: &extras, ..animation(&topology, &vertices) };
     let dir = tempfile::tempdir().unwrap();
     let objs = write_obj_sequence(&dir.path().join("obj"), &animation, &Silent).unwrap();
     assert_eq!(objs.len(), 90);
@@ -134,13 +139,7 @@ fn gltf_and_obj_hold_the_same_motion_within_half_a_millimetre_on_every_frame() {
 #[test]
 fn normals_follow_the_surface() {
     let (topology, vertices) = (tube(), motion(60));
-    let animation = Animation {
-        name: "tube",
-        topology: &topology,
-        fps: 60.0,
-        vertices: &vertices,
-        extras: &serde_json::Value::Null,
-    };
+    let animation = animation(&topology, &vertices);
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("tube.glb");
     write_gltf(&path, &animation, &GltfConfig::default(), &Silent).unwrap();
@@ -179,13 +178,7 @@ fn one_frame_and_exact_frames() {
     let dir = tempfile::tempdir().unwrap();
     for (frames, tolerance_m) in [(1, 0.25e-3), (12, 0.0)] {
         let vertices = motion(frames);
-        let animation = Animation {
-            name: "still",
-            topology: &topology,
-            fps: 30.0,
-            vertices: &vertices,
-            extras: &serde_json::Value::Null,
-        };
+        let animation = Animation { fps: 30.0, ..animation(&topology, &vertices) };
         let path = dir.path().join("still.glb");
         let config = GltfConfig { tolerance_m, normals: false, ..Default::default() };
         let report = write_gltf(&path, &animation, &config, &Silent).unwrap();
@@ -201,13 +194,7 @@ fn one_frame_and_exact_frames() {
 #[test]
 fn the_same_motion_gives_the_same_bytes() {
     let (topology, vertices) = (tube(), motion(30));
-    let animation = Animation {
-        name: "tube",
-        topology: &topology,
-        fps: 60.0,
-        vertices: &vertices,
-        extras: &serde_json::Value::Null,
-    };
+    let animation = animation(&topology, &vertices);
     let dir = tempfile::tempdir().unwrap();
     let write = |file: &str| {
         let path = dir.path().join(file);
@@ -220,8 +207,7 @@ fn the_same_motion_gives_the_same_bytes() {
 #[test]
 fn bad_animations_and_targets_are_refused_and_nothing_is_written() {
     let (topology, vertices) = (tube(), motion(3));
-    let null = serde_json::Value::Null;
-    let good = Animation { name: "tube", topology: &topology, fps: 60.0, vertices: &vertices, extras: &null };
+    let good = animation(&topology, &vertices);
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.glb");
     let mut broken = vertices.clone();
