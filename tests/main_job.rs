@@ -4,7 +4,7 @@ use crate::support::{
     Said, bytes_below, copy_below, copy_of_the_run, folder, measures, softtissue, tiny_run, tiny_scans, tiny_train,
 };
 use serde_json::Value;
-use softtissue_clips::{ClipId, ScanClip, ScanSet};
+use softtissue_clips::{ClipId, ScanClip, ScanSet, TruthSet};
 use softtissue_eval::Metrics;
 use std::path::Path;
 
@@ -164,16 +164,22 @@ fn a_bundle_animates_and_gain_zero_is_the_body_alone() {
     let run = tiny_run();
     let home = folder("animated");
     let bundle = run.path.join("bundle").display().to_string();
-    let animate = |name: &str, more: &[&str]| {
+    let animate = |motion: &str, name: &str, more: &[&str]| {
         let out = home.join(name).display().to_string();
-        let always =
-            ["animate", "--bundle", &bundle, "--motion", "synth:one_leg_jump", "--shape", "0,-2", "--out", &out];
+        let always = ["animate", "--bundle", &bundle, "--motion", motion, "--shape", "0,-2", "--out", &out];
         softtissue(&[&always[..], more].concat()).fine();
     };
-    animate("a.glb", &["--frames", "20"]);
+    let made = "synth:one_leg_jump";
+    animate(made, "a.glb", &["--frames", "20"]);
     assert!(std::fs::read(home.join("a.glb")).expect("a glTF").starts_with(b"glTF"));
-    animate("still", &["--frames", "40", "--gain", "0"]);
-    animate("soft", &["--frames", "40", "--gain", "1"]);
+    animate(made, "a.png", &["--frames", "20"]);
+    assert!(std::fs::read(home.join("a.png")).expect("a picture").starts_with(b"\x89PNG"));
+    let truth = tiny_scans().with_file_name("truth");
+    let clip = TruthSet::motion_path(&truth, &ClipId::new("s00", "shake_hips", 0));
+    animate(&clip.display().to_string(), "clip", &[]);
+    assert_eq!(std::fs::read_dir(home.join("clip")).expect("frames").count(), 48, "all of the clip's frames");
+    animate(made, "still", &["--frames", "40", "--gain", "0"]);
+    animate(made, "soft", &["--frames", "40", "--gain", "1"]);
     let last = |name: &str| std::fs::read(home.join(name).join("frame_00039.obj")).expect("a frame");
     assert_ne!(last("still"), last("soft"));
 }
