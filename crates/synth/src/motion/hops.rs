@@ -47,7 +47,7 @@ fn kind(name: &str) -> Option<Kind> {
         "jumping_jacks" => kind(Pattern::Jacks, 0.28, 3.25, 0.8, [0.42, 0.05], None),
         "one_leg_jump" => kind(Pattern::OneLeg, 0.22, 3.1, 0.8, [0.38, 0.0], None),
         "running_on_spot" => kind(Pattern::Running, 0.13, 2.9, 0.8, [0.33, 0.0], None),
-        "hop" => kind(Pattern::Loose, 0.2, 3.5, 1.0, [0.42, 0.0], Some(2)),
+        "hop" => kind(Pattern::Loose, 0.24, 3.5, 1.0, [0.2, 0.0], Some(2)),
         _ => None,
     }
 }
