@@ -7,7 +7,7 @@ use divan::{Bencher, black_box};
 use glam::Vec3;
 use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig, FeatureScaling};
 use softtissue_bundle::{Bundle, BundleInfo, DeltaBasis, Matrix, Player, SelfCheck, Subspace};
-use softtissue_model::{Autoencoder, AutoencoderConfig, Regressor, RegressorConfig, ShortcutStart};
+use softtissue_model::{Autoencoder, AutoencoderConfig, Regressor, RegressorConfig, ShortcutStart, host};
 use softtissue_random::Draws;
 use softtissue_train::device;
 
@@ -139,7 +139,7 @@ fn subspace_decode_in_burn(bencher: Bencher) {
     let scale = model.autoencoder.scale;
     let latents = tensor(latent.iter().map(|z| z / scale).collect(), [1, LATENTS], &model.device);
     let points = |numbers: &[f32]| -> Vec<Vec3> { numbers.as_chunks::<3>().0.iter().map(|p| (*p).into()).collect() };
-    let burned: Vec<f32> = (model.decode(latents.clone()) * scale).into_data().to_vec().expect("f32");
+    let burned = host(model.decode(latents.clone()) * scale);
     assert_close(&points(&burned), &points(&delta), 1e-5);
     bencher.bench_local(|| model.decode(black_box(latents.clone())).into_data());
 }
