@@ -23,6 +23,9 @@ pub struct Columns {
     pub breast: Vec<f32>,
     /// Tetrahedra that fill the layers.
     pub tetrahedra: Vec<Tetrahedron>,
+    /// Volume of cut elements that weighs on each node, `[layers + 1, V]`, m^3: a cut unties flesh, it does not
+    /// take it away, and a node without its mass would be too light for the skin that pulls it.
+    pub untied: Vec<f32>,
 }
 
 /// Length of a step of the walk to the core, m.
@@ -113,27 +116,29 @@ impl Columns {
                 .collect(),
             breast: tissue.breast.clone(),
             tetrahedra,
+            untied: vec![0.0; (layers + 1) * v],
         };
-        columns.set_moduli(tissue, material, &inward);
+        columns.set_moduli(tissue, material, &inward, &Regional::new(body, &adjacency, material));
         let folds = Folds::new(body, shaped, &columns);
         columns.set_free(body, config, &inward, &folds);
         columns
     }
 
-    fn set_moduli(&mut self, tissue: &Tissue, material: &Material, inward: &[Vec3]) {
+    fn set_moduli(&mut self, tissue: &Tissue, material: &Material, inward: &[Vec3], regional: &Regional) {
         let v = inward.len();
         let viscera = material.viscera + material.viscera_lean * (-(tissue.mass + 1.0)).exp();
         let fat = material.fat * (-material.softening * tissue.mass).exp();
         for i in 0..v {
             let soft = fat * (1.0 + (material.breast - 1.0) * tissue.breast[i]);
-            let firm = material.muscle + (viscera - material.muscle) * tissue.viscera[i];
+            let muscle = material.muscle + (material.ribs - material.muscle) * regional.ribs[i];
+            let firm = muscle + (viscera - muscle) * tissue.viscera[i];
             let total = inward[i].length();
             for layer in 0..self.layers {
                 let depth = |n: usize| (self.rest[n * v + i] - self.rest[i]).length().min(total);
                 let (top, bottom) = (depth(layer), depth(layer + 1));
                 let in_fat = ((tissue.fat[i] - top) / (bottom - top).max(1e-6)).clamp(0.0, 1.0);
                 // springs in series: compliances add
-                self.shear[layer * v + i] = 1.0 / (in_fat / soft + (1.0 - in_fat) / firm);
+                self.shear[layer * v + i] = regional.factor[i] / (in_fat / soft + (1.0 - in_fat) / firm);
             }
         }
         self.shear.iter_mut().for_each(|x| *x *= material.stiffness);
@@ -148,11 +153,41 @@ impl Columns {
                 self.free[layer * v + i] = free && !folds.still[layer * v + i];
             }
         }
+        for (t, _) in self.tetrahedra.iter().zip(&folds.cut).filter(|(_, cut)| **cut) {
+            let volume = t.volume(&self.rest);
+            t.nodes.iter().for_each(|&n| self.untied[n as usize] += 0.25 * volume);
+        }
         let mut cut = folds.cut.iter();
         self.tetrahedra.retain(|_| !cut.next().copied().unwrap_or(false));
         let mut held = vec![false; self.free.len()];
         self.tetrahedra.iter().flat_map(|t| t.nodes).for_each(|n| held[n as usize] = true);
         self.free.iter_mut().zip(held).for_each(|(free, held)| *free &= held);
+    }
+}
+
+/// What stiffness depends on by region, with soft borders.
+struct Regional {
+    /// Factor on all stiffness under each vertex, `[V]`.
+    factor: Vec<f32>,
+    /// Share of ribs in what is firm, `[V]`.
+    ribs: Vec<f32>,
+}
+
+impl Regional {
+    fn new(body: &BodyModel, adjacency: &Adjacency, material: &Material) -> Self {
+        let field = |of: &dyn Fn(Region) -> f32| {
+            let mut field: Vec<f32> = body.regions.0.iter().map(|r| of(*r)).collect();
+            smooth(adjacency, &mut field, 4);
+            field
+        };
+        let factor = field(&|region| match region {
+            Region::Belly => material.belly,
+            Region::Buttocks => material.buttocks,
+            Region::Thighs => material.thighs,
+            Region::UpperArms => material.upper_arms,
+            _ => 1.0,
+        });
+        Self { factor, ribs: field(&|region| f32::from(u8::from(region == Region::Chest))) }
     }
 }
 
