@@ -31,10 +31,6 @@ pub fn components(body: &ProceduralBody, settings: &Settings) -> (usize, usize) 
             }
         }
     }
-    if let Ok(path) = std::env::var("DUMP") {
-        let bytes: Vec<u8> = frames.iter().flatten().flat_map(|d| d.to_array()).flat_map(f32::to_le_bytes).collect();
-        std::fs::write(path, bytes).unwrap();
-    }
     (count(&frames, 0.95), frames.len())
 }
 

@@ -79,7 +79,10 @@ impl SynthConfig {
                 return Err(SynthError::UnknownMotion { name: name.clone(), known: MOTIONS.join(", ") });
             }
             if self.motions[..i].contains(name) {
-                return bad("motions", format!("{name} is named twice; write it once and raise `takes` for more of it"));
+                return bad(
+                    "motions",
+                    format!("{name} is named twice; write it once and raise `takes` for more of it"),
+                );
             }
         }
         if self.takes == 0 || self.takes > 1000 {

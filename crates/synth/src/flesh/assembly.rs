@@ -107,12 +107,10 @@ impl Assembly {
                 }
             }
             let eta = damping * (delay * mean).min(cap);
-            let breast = t.nodes.iter().map(|&n| columns.breast[n as usize % v]).sum::<f32>() / 4.0;
-            let lambda = material.bulk * (1.0 + (material.breast_bulk - 1.0) * breast);
-            elements.push(Element { nodes: local, mu: mean, lambda, eta, volume, surface: t.layer == 0 });
+            elements.push(Element { nodes: local, mu: mean, eta, volume, surface: t.layer == 0 });
         }
         elements.sort_by_key(|e| *e.nodes.iter().min().unwrap_or(&0));
-        let chunks = elements.chunks(LANES).map(|e| pack(e, &rest)).collect();
+        let chunks = elements.chunks(LANES).map(|e| pack(e, &rest, material.bulk)).collect();
         let drag = material.damping * material.drag * if config.law == FleshLaw::Second { 2.0 } else { 1.0 };
         let springs = springs(columns, body, &number, &mass, material);
         let skin_node = (0..v).map(|i| Some(number[i]).filter(|&n| (n as usize) < free)).collect();
@@ -128,13 +126,12 @@ impl Assembly {
 struct Element {
     nodes: [u32; 4],
     mu: f32,
-    lambda: f32,
     eta: f32,
     volume: f32,
     surface: bool,
 }
 
-fn pack(elements: &[Element], rest: &[Vec3]) -> Chunk {
+fn pack(elements: &[Element], rest: &[Vec3], bulk: f32) -> Chunk {
     let at = |lane: usize| &elements[lane.min(elements.len() - 1)];
     let lanes = |f: &dyn Fn(&Element) -> f32| Lanes(std::array::from_fn(|lane| f(at(lane))));
     let matrices: [_; LANES] = std::array::from_fn(|lane| edge_matrix(at(lane).nodes, rest));
@@ -142,7 +139,7 @@ fn pack(elements: &[Element], rest: &[Vec3]) -> Chunk {
         nodes: std::array::from_fn(|corner| std::array::from_fn(|lane| at(lane).nodes[corner])),
         count: elements.len(),
         mu: lanes(&|e| e.mu),
-        lambda: lanes(&|e| e.lambda),
+        lambda: lanes(&|_| bulk),
         eta: lanes(&|e| e.eta),
         volume: Lanes(std::array::from_fn(|lane| elements.get(lane).map_or(0.0, |e| e.volume))),
         surface: std::array::from_fn(|lane| elements.get(lane).is_some_and(|e| e.surface)),

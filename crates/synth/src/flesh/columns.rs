@@ -118,27 +118,26 @@ impl Columns {
             tetrahedra,
             untied: vec![0.0; (layers + 1) * v],
         };
-        columns.set_moduli(tissue, material, &inward, &Regional::new(body, &adjacency, material));
+        columns.set_moduli(tissue, material, &inward, &regional_stiffness(body, &adjacency, material));
         let folds = Folds::new(body, shaped, &columns);
         columns.set_free(body, config, &inward, &folds);
         columns
     }
 
-    fn set_moduli(&mut self, tissue: &Tissue, material: &Material, inward: &[Vec3], regional: &Regional) {
+    fn set_moduli(&mut self, tissue: &Tissue, material: &Material, inward: &[Vec3], regional: &[f32]) {
         let v = inward.len();
         let viscera = material.viscera + material.viscera_lean * (-(tissue.mass + 1.0)).exp();
         let fat = material.fat * (-material.softening * tissue.mass).exp();
         for i in 0..v {
             let soft = fat * (1.0 + (material.breast - 1.0) * tissue.breast[i]);
-            let muscle = material.muscle + (material.ribs - material.muscle) * regional.ribs[i];
-            let firm = muscle + (viscera - muscle) * tissue.viscera[i];
+            let firm = material.muscle + (viscera - material.muscle) * tissue.viscera[i];
             let total = inward[i].length();
             for layer in 0..self.layers {
                 let depth = |n: usize| (self.rest[n * v + i] - self.rest[i]).length().min(total);
                 let (top, bottom) = (depth(layer), depth(layer + 1));
                 let in_fat = ((tissue.fat[i] - top) / (bottom - top).max(1e-6)).clamp(0.0, 1.0);
                 // springs in series: compliances add
-                self.shear[layer * v + i] = regional.factor[i] / (in_fat / soft + (1.0 - in_fat) / firm);
+                self.shear[layer * v + i] = regional[i] / (in_fat / soft + (1.0 - in_fat) / firm);
             }
         }
         self.shear.iter_mut().for_each(|x| *x *= material.stiffness);
@@ -165,30 +164,18 @@ impl Columns {
     }
 }
 
-/// What stiffness depends on by region, with soft borders.
-struct Regional {
-    /// Factor on all stiffness under each vertex, `[V]`.
-    factor: Vec<f32>,
-    /// Share of ribs in what is firm, `[V]`.
-    ribs: Vec<f32>,
-}
-
-impl Regional {
-    fn new(body: &BodyModel, adjacency: &Adjacency, material: &Material) -> Self {
-        let field = |of: &dyn Fn(Region) -> f32| {
-            let mut field: Vec<f32> = body.regions.0.iter().map(|r| of(*r)).collect();
-            smooth(adjacency, &mut field, 4);
-            field
-        };
-        let factor = field(&|region| match region {
-            Region::Belly => material.belly,
-            Region::Buttocks => material.buttocks,
-            Region::Thighs => material.thighs,
-            Region::UpperArms => material.upper_arms,
-            _ => 1.0,
-        });
-        Self { factor, ribs: field(&|region| f32::from(u8::from(region == Region::Chest))) }
-    }
+/// Factor on all stiffness under each vertex `[V]`: that of its region, with soft borders.
+fn regional_stiffness(body: &BodyModel, adjacency: &Adjacency, material: &Material) -> Vec<f32> {
+    let factor = |region: &Region| match region {
+        Region::Belly => material.belly,
+        Region::Buttocks => material.buttocks,
+        Region::Thighs => material.thighs,
+        Region::UpperArms => material.upper_arms,
+        _ => 1.0,
+    };
+    let mut field: Vec<f32> = body.regions.0.iter().map(factor).collect();
+    smooth(adjacency, &mut field, 4);
+    field
 }
 
 /// Node positions: the first interface at the fat's thickness where that leaves usable layers. Where an element

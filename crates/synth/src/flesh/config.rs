@@ -80,9 +80,6 @@ pub struct Material {
     pub upper_arms: f32,
     /// Shear modulus of relaxed muscle, Pa. Default 2500.
     pub muscle: f32,
-    /// Shear modulus of the chest wall under the fat, Pa: ribs and the muscle between them. Default 12000. It keeps
-    /// the breast from moving with the belly; more needs a smaller step.
-    pub ribs: f32,
     /// Shear modulus of the abdomen's content in a lean body, Pa above `viscera`, at one unit of mass under the mean;
     /// falls by `e` per unit. Default 3600.
     pub viscera_lean: f32,
@@ -90,9 +87,6 @@ pub struct Material {
     pub viscera: f32,
     /// Resistance to change of volume, Pa. Default 36000; higher keeps volume better and needs a smaller step.
     pub bulk: f32,
-    /// The same of the breast relative to the rest. Default 0.2: small elements lock most, and a locked breast rings
-    /// with the belly whatever its shear modulus.
-    pub breast_bulk: f32,
     /// Mass density, kg/m^3. Default 960.
     pub density: f32,
     /// Viscosity of fat over its shear modulus, s. Default 0.010: damping that grows with frequency.
@@ -123,11 +117,9 @@ impl Default for Material {
             thighs: 1.0,
             upper_arms: 1.0,
             muscle: 2500.0,
-            ribs: 12_000.0,
             viscera_lean: 3600.0,
             viscera: 600.0,
             bulk: 36_000.0,
-            breast_bulk: 0.2,
             density: 960.0,
             viscosity: 0.010,
             breast_viscosity: 0.018,
@@ -158,11 +150,9 @@ impl Material {
             ("material.thighs", self.thighs, factor()),
             ("material.upper_arms", self.upper_arms, factor()),
             ("material.muscle", self.muscle, modulus()),
-            ("material.ribs", self.ribs, modulus()),
             ("material.viscera_lean", self.viscera_lean, 0.0..=1e7),
             ("material.viscera", self.viscera, modulus()),
             ("material.bulk", self.bulk, modulus()),
-            ("material.breast_bulk", self.breast_bulk, factor()),
             ("material.density", self.density, 10.0..=1e5),
             ("material.viscosity", self.viscosity, 0.0..=10.0),
             ("material.breast_viscosity", self.breast_viscosity, 0.0..=10.0),
