@@ -34,7 +34,7 @@ fn the_heaviest_person_jumps_without_losing_a_node() {
 
 /// Nodes in the armpit, whose elements are cut, had lost their mass with them, and the skin threw them about.
 #[test]
-fn no_node_runs_into_the_speed_cap() {
+fn running_throws_no_node_about() {
     let body = body();
     let beta = body.anatomy.beta_for_bmi(28.0, &[]).expect("a BMI in range");
     let request = Request { subject: "bmi-28", motion: "running_on_spot", take: 0, frames: 150, fps: 60.0, seed: 1 };
