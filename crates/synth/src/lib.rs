@@ -6,6 +6,7 @@
 //!
 //! Units: metres, seconds, radians. Right-handed, Y up, facing +Z. This room knows nothing of networks.
 
+mod checks;
 pub mod dataset;
 mod error;
 pub mod flesh;

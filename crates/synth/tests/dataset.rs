@@ -6,6 +6,7 @@ use softtissue_geometry::{rotation_from_axis_angle, vertex_normals};
 use softtissue_monitor::{Monitor, Silent};
 use softtissue_synth::SynthError;
 use softtissue_synth::dataset::{Bodies, SynthConfig, scans_path, truth_path, write_with};
+use softtissue_synth::flesh::{FleshConfig, Material};
 use softtissue_synth::motion::{Figure, MOTIONS, Request, Style, ground_reaction, landing_peaks, perform};
 use softtissue_synth::scanner::{ScannerConfig, clean, rough_motion, scan};
 use softtissue_synth::subject::{Subject, SubjectConfig};
@@ -300,19 +301,33 @@ fn fingerprints_name_configurations() {
 
 #[test]
 fn senseless_configurations_are_refused_by_name() {
-    let cases: [(SynthConfig, &str); 7] = [
+    let material = |edit: fn(&mut Material)| {
+        let mut config = small();
+        edit(&mut config.material);
+        config
+    };
+    let subjects = SubjectConfig { regional_scatter: 1.5, ..Default::default() };
+    let cases: [(SynthConfig, &str); 14] = [
         (SynthConfig { bmi: vec![], ..small() }, "bmi"),
         (SynthConfig { bmi: vec![f64::NAN], ..small() }, "bmi"),
+        (SynthConfig { bmi: vec![26.0, 40.0], ..small() }, "bmi"),
         (SynthConfig { motions: vec!["hips".into(), "hips".into()], ..small() }, "hips"),
         (SynthConfig { motions: vec!["swimming".into()], ..small() }, "swimming"),
         (SynthConfig { fps: f32::NAN, ..small() }, "fps"),
         (SynthConfig { level: 2, ..small() }, "level"),
-        (SynthConfig { scanner: ScannerConfig { noise: -1.0, ..Default::default() }, ..small() }, "noise"),
+        (SynthConfig { scanner: ScannerConfig { noise: -1.0, ..Default::default() }, ..small() }, "scanner.noise"),
+        (SynthConfig { subjects, ..small() }, "subjects.regional_scatter"),
+        (SynthConfig { flesh: FleshConfig { substeps: 0, ..Default::default() }, ..small() }, "flesh.substeps"),
+        (SynthConfig { flesh: FleshConfig { depth: f32::NAN, ..Default::default() }, ..small() }, "flesh.depth"),
+        (material(|m| m.fat = 0.0), "material.fat"),
+        (material(|m| m.drag = -1.0), "material.drag"),
+        (material(|m| m.skin_growth = f32::INFINITY), "material.skin_growth"),
     ];
     let out = tempfile::tempdir().unwrap();
     for (config, word) in cases {
-        let error = write_with(&config, bodies(), out.path(), &Silent).unwrap_err().to_string();
-        assert!(error.contains(word), "{error}");
+        let error = config.check().unwrap_err().to_string();
+        assert!(error.contains(word) && (error.contains("write") || error.contains("exchange")), "{error}");
+        assert_eq!(write_with(&config, bodies(), out.path(), &Silent).unwrap_err().to_string(), error);
         assert!(files(out.path()).is_empty(), "something was written for {error}");
     }
 }

@@ -31,3 +31,16 @@ fn the_heaviest_person_jumps_without_losing_a_node() {
         }
     }
 }
+
+/// Nodes in the armpit, whose elements are cut, had lost their mass with them, and the skin threw them about.
+#[test]
+fn running_throws_no_node_about() {
+    let body = body();
+    let beta = body.anatomy.beta_for_bmi(28.0, &[]).expect("a BMI in range");
+    let request = Request { subject: "bmi-28", motion: "running_on_spot", take: 0, frames: 150, fps: 60.0, seed: 1 };
+    let clip = motion::generate(&request, &body.model.shaped(&beta), &Style::default()).expect("a known motion");
+    let simulator =
+        Simulator::new(&body.model, &body.anatomy, &beta, &Material::default(), &FleshConfig::default()).expect("good");
+    let statistics = simulator.run(&clip).expect("a finite run").statistics;
+    assert_eq!(statistics.capped_node_steps, 0, "{statistics:?}");
+}

@@ -5,7 +5,7 @@ use super::relax::Net;
 use super::skeleton::JOINTS;
 use super::weights::diffuse;
 use crate::{Region, RegionMap};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use softtissue_geometry::Topology;
 
 /// The region of each vertex, symmetric.
@@ -121,8 +121,10 @@ pub struct Tissue {
 pub fn tissue(figure: &Figure, net: &Net, positions: &[Vec3], regions: &RegionMap) -> Tissue {
     const BLEND: f32 = 0.025 * 0.025;
     let (centre, radius) = figure.breast_extent();
+    // the footprint on the chest, seen from the front: about 11 cm across
     let is_breast = |p: Vec3| {
-        (Vec3::new(p.x.abs(), p.y, p.z).distance(centre) - 1.18 * radius < 0.0) && p.z > centre.z - 0.2 * radius
+        let across = Vec2::new(p.x.abs() - centre.x, p.y - centre.y);
+        across.length() < 1.1 * radius && p.z > centre.z - 0.2 * radius
     };
     let flank = |p: Vec3| p.x.abs() > 0.085 * figure.scale;
     let fat: Vec<f32> = positions

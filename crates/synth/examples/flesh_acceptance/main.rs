@@ -104,11 +104,15 @@ fn step(person: &Person, settings: &Settings, table: &mut Table) {
     const END: usize = 15;
     let rise = |t: f32| 0.025 * (1.0 - (PI * ((t - 0.15) / 0.1).clamp(0.0, 1.0)).cos());
     let run = person.simulate(&settings.material, &settings.config, &person.moved_root("step", 75, rise));
-    for region in [Region::Chest, Region::Belly] {
-        let part = if region == Region::Chest { "breast" } else { "belly" };
+    for region in [Region::Chest, Region::Belly, Region::Buttocks, Region::Thighs] {
+        let part = if region == Region::Chest { "breast" } else { region.name() };
         let name = |what: &str| format!("{part}, {what}, BMI {:.0}", person.bmi);
         let decay = &mean_height(&run.deltas, &person.vertices(region))[END..];
         let (hertz, ratio) = damped_sinusoid(decay, 60.0);
+        if !matches!(region, Region::Chest | Region::Belly) {
+            table.note(&name("frequency and damping ratio"), &format!("{hertz:.2} Hz, {ratio:.3}"));
+            continue;
+        }
         match person.bmi.round() as i32 {
             19 => table.within(&name("frequency"), hertz, 5.0, 8.0, "Hz"),
             28 => table.within(&name("frequency"), hertz, 3.0, 5.0, "Hz"),

@@ -4,6 +4,7 @@ use crate::Settings;
 use crate::people::{FIRST_FRAME, simulate};
 use glam::Vec3;
 use softtissue_body::procedural::ProceduralBody;
+use softtissue_synth::dataset::SynthConfig;
 use softtissue_synth::motion::{self, Request};
 use softtissue_synth::subject::{Subject, SubjectConfig};
 
@@ -13,7 +14,7 @@ const STRIDE: usize = 8;
 /// Components of a sample of frames of four people, and the size of the sample.
 pub fn components(body: &ProceduralBody, settings: &Settings) -> (usize, usize) {
     let mut frames: Vec<Vec<Vec3>> = Vec::new();
-    for (index, bmi) in [20.0, 24.0, 27.0, 31.0].into_iter().enumerate() {
+    for (index, bmi) in SynthConfig::default().bmi.into_iter().enumerate() {
         let config = SubjectConfig::default();
         let person = Subject::draw(&body.model, &body.anatomy, &settings.material, &config, 1, index, bmi)
             .expect("a BMI in range");

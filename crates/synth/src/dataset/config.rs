@@ -7,8 +7,10 @@ use serde::{Deserialize, Serialize};
 use softtissue_body::procedural::ProceduralConfig;
 use softtissue_store::sha256_bytes;
 
-/// Changes whenever the same configuration would give other bytes, so that cached clips are not mistaken.
-const GENERATOR: u32 = 2;
+/// Raised whenever the same configuration would give other bytes, so that cached clips are not mistaken. No test
+/// pins those bytes: sines, logarithms and exponentials of the standard library differ in their last bits between
+/// systems, and the flesh's contacts and creases let such bits grow.
+const GENERATOR: u32 = 3;
 
 /// A set of scans to make: subjects x motions x takes. Default is the size `quick`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,14 +59,17 @@ impl Default for SynthConfig {
 }
 
 impl SynthConfig {
-    /// Refuses what makes no sense, naming the field.
+    /// Refuses what makes no sense, naming the field: this section's own settings, then those of its parts.
+    ///
+    /// # Errors
+    /// A setting out of its range, or a motion that there is not.
     pub fn check(&self) -> Result<()> {
         let bad = |field: &'static str, reason: String| Err(SynthError::Config { field, reason });
         if self.bmi.is_empty() || self.bmi.len() > 100 {
             return bad("bmi", format!("{} subjects; write the body mass index of 1 to 100", self.bmi.len()));
         }
-        if let Some(bmi) = self.bmi.iter().find(|b| !(15.0..=45.0).contains(*b)) {
-            return bad("bmi", format!("{bmi} is not a body mass index between 15 and 45 kg/m^2"));
+        if let Some(bmi) = self.bmi.iter().find(|b| !(18.0..=33.0).contains(*b)) {
+            return bad("bmi", format!("{bmi} kg/m^2 is out of the body's reach; write 18 to 33"));
         }
         if self.motions.is_empty() {
             return bad("motions", format!("none is named; write some of {}", MOTIONS.join(", ")));
@@ -74,7 +79,10 @@ impl SynthConfig {
                 return Err(SynthError::UnknownMotion { name: name.clone(), known: MOTIONS.join(", ") });
             }
             if self.motions[..i].contains(name) {
-                return bad("motions", format!("{name} is named twice; raise `takes` for more of it"));
+                return bad(
+                    "motions",
+                    format!("{name} is named twice; write it once and raise `takes` for more of it"),
+                );
             }
         }
         if self.takes == 0 || self.takes > 1000 {
@@ -89,32 +97,10 @@ impl SynthConfig {
         if self.level > 1 {
             return bad("level", format!("level {} does not exist; write 0 or 1", self.level));
         }
-        self.check_errors()
-    }
-
-    fn check_errors(&self) -> Result<()> {
-        let (s, c) = (&self.subjects, &self.scanner);
-        for (field, value, most) in [
-            ("subjects.shape_scatter", s.shape_scatter, 2.0),
-            ("subjects.stiffness_scatter", s.stiffness_scatter, 0.9),
-            ("subjects.damping_scatter", s.damping_scatter, 0.9),
-            ("subjects.detail", s.detail[0], 0.05),
-            ("subjects.detail", s.detail[1], 0.05),
-            ("scanner.drift", c.drift, 0.05),
-            ("scanner.noise", c.noise, 0.05),
-            ("scanner.rough_degrees", c.rough_degrees, 30.0),
-        ] {
-            if !(value >= 0.0 && value <= most) {
-                return Err(SynthError::Config { field, reason: format!("{value} is not between 0 and {most}") });
-            }
-        }
-        if s.detail[0] > s.detail[1] {
-            return Err(SynthError::Config {
-                field: "subjects.detail",
-                reason: "the first number is the smaller one; exchange them".into(),
-            });
-        }
-        Ok(())
+        self.subjects.check()?;
+        self.scanner.check()?;
+        self.flesh.check()?;
+        self.material.check()
     }
 
     /// The body that the set is made of, at its own level.

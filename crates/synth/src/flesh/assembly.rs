@@ -91,10 +91,10 @@ impl Assembly {
         let rest: Vec<Vec3> = order.iter().map(|&n| columns.rest[n as usize]).collect();
 
         let damping = material.damping * if config.law == FleshLaw::Second { 0.5 } else { 1.0 };
-        let mut mass = vec![0.0; free];
+        let mut mass: Vec<f32> = order[..free].iter().map(|&n| material.density * columns.untied[n as usize]).collect();
         let mut elements = Vec::with_capacity(used.len());
         for t in &used {
-            let volume = edge_matrix(t.nodes, &columns.rest).determinant() / 6.0 * t.share;
+            let volume = t.volume(&columns.rest);
             let moduli = |n: u32| columns.shear[t.layer * v + n as usize % v];
             let mean = 4.0 / t.nodes.iter().map(|&n| 1.0 / moduli(n)).sum::<f32>();
             let delay = t.nodes.iter().map(|&n| columns.viscosity[n as usize % v]).sum::<f32>() / 4.0;

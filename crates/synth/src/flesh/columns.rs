@@ -23,6 +23,9 @@ pub struct Columns {
     pub breast: Vec<f32>,
     /// Tetrahedra that fill the layers.
     pub tetrahedra: Vec<Tetrahedron>,
+    /// Volume of cut elements that weighs on each node, `[layers + 1, V]`, m^3: a cut unties flesh, it does not
+    /// take it away, and a node without its mass would be too light for the skin that pulls it.
+    pub untied: Vec<f32>,
 }
 
 /// Length of a step of the walk to the core, m.
@@ -113,14 +116,15 @@ impl Columns {
                 .collect(),
             breast: tissue.breast.clone(),
             tetrahedra,
+            untied: vec![0.0; (layers + 1) * v],
         };
-        columns.set_moduli(tissue, material, &inward);
+        columns.set_moduli(tissue, material, &inward, &regional_stiffness(body, &adjacency, material));
         let folds = Folds::new(body, shaped, &columns);
         columns.set_free(body, config, &inward, &folds);
         columns
     }
 
-    fn set_moduli(&mut self, tissue: &Tissue, material: &Material, inward: &[Vec3]) {
+    fn set_moduli(&mut self, tissue: &Tissue, material: &Material, inward: &[Vec3], regional: &[f32]) {
         let v = inward.len();
         let viscera = material.viscera + material.viscera_lean * (-(tissue.mass + 1.0)).exp();
         let fat = material.fat * (-material.softening * tissue.mass).exp();
@@ -133,7 +137,7 @@ impl Columns {
                 let (top, bottom) = (depth(layer), depth(layer + 1));
                 let in_fat = ((tissue.fat[i] - top) / (bottom - top).max(1e-6)).clamp(0.0, 1.0);
                 // springs in series: compliances add
-                self.shear[layer * v + i] = 1.0 / (in_fat / soft + (1.0 - in_fat) / firm);
+                self.shear[layer * v + i] = regional[i] / (in_fat / soft + (1.0 - in_fat) / firm);
             }
         }
         self.shear.iter_mut().for_each(|x| *x *= material.stiffness);
@@ -148,12 +152,30 @@ impl Columns {
                 self.free[layer * v + i] = free && !folds.still[layer * v + i];
             }
         }
+        for (t, _) in self.tetrahedra.iter().zip(&folds.cut).filter(|(_, cut)| **cut) {
+            let volume = t.volume(&self.rest);
+            t.nodes.iter().for_each(|&n| self.untied[n as usize] += 0.25 * volume);
+        }
         let mut cut = folds.cut.iter();
         self.tetrahedra.retain(|_| !cut.next().copied().unwrap_or(false));
         let mut held = vec![false; self.free.len()];
         self.tetrahedra.iter().flat_map(|t| t.nodes).for_each(|n| held[n as usize] = true);
         self.free.iter_mut().zip(held).for_each(|(free, held)| *free &= held);
     }
+}
+
+/// Factor on all stiffness under each vertex `[V]`: that of its region, with soft borders.
+fn regional_stiffness(body: &BodyModel, adjacency: &Adjacency, material: &Material) -> Vec<f32> {
+    let factor = |region: &Region| match region {
+        Region::Belly => material.belly,
+        Region::Buttocks => material.buttocks,
+        Region::Thighs => material.thighs,
+        Region::UpperArms => material.upper_arms,
+        _ => 1.0,
+    };
+    let mut field: Vec<f32> = body.regions.0.iter().map(factor).collect();
+    smooth(adjacency, &mut field, 4);
+    field
 }
 
 /// Node positions: the first interface at the fat's thickness where that leaves usable layers. Where an element

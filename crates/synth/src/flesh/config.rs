@@ -1,3 +1,5 @@
+use crate::checks::within;
+use crate::{Result, SynthError};
 use serde::{Deserialize, Serialize};
 
 /// Which physics moves the flesh.
@@ -34,6 +36,24 @@ impl Default for FleshConfig {
     }
 }
 
+impl FleshConfig {
+    /// Refuses what cannot be simulated, naming the field.
+    ///
+    /// # Errors
+    /// A number out of its range.
+    pub fn check(&self) -> Result<()> {
+        if !(1..=4096).contains(&self.substeps) {
+            let reason = format!("{} is out of range; write 1 to 4096", self.substeps);
+            return Err(SynthError::Config { field: "flesh.substeps", reason });
+        }
+        within([
+            ("flesh.gravity", self.gravity, 0.0..=100.0),
+            ("flesh.depth", self.depth, 0.01..=0.5),
+            ("flesh.shallow", self.shallow, 0.001..=0.5),
+        ])
+    }
+}
+
 /// What a person's flesh is made of. The two scales carry a subject's hidden scatter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -50,6 +70,14 @@ pub struct Material {
     pub softening: f32,
     /// Breast tissue relative to fat. Default 0.75.
     pub breast: f32,
+    /// All flesh of the belly relative to its place in the body. Default 1, as for the next three.
+    pub belly: f32,
+    /// The same of the buttocks. Default 1.
+    pub buttocks: f32,
+    /// The same of the thighs. Default 1.
+    pub thighs: f32,
+    /// The same of the upper arms. Default 1.
+    pub upper_arms: f32,
     /// Shear modulus of relaxed muscle, Pa. Default 2500.
     pub muscle: f32,
     /// Shear modulus of the abdomen's content in a lean body, Pa above `viscera`, at one unit of mass under the mean;
@@ -84,6 +112,10 @@ impl Default for Material {
             fat: 190.0,
             softening: 0.2,
             breast: 0.75,
+            belly: 1.0,
+            buttocks: 1.0,
+            thighs: 1.0,
+            upper_arms: 1.0,
             muscle: 2500.0,
             viscera_lean: 3600.0,
             viscera: 600.0,
@@ -96,5 +128,38 @@ impl Default for Material {
             skin_growth: 35_000.0,
             breast_skin: 0.6,
         }
+    }
+}
+
+impl Material {
+    /// Refuses what cannot be simulated, naming the field.
+    ///
+    /// # Errors
+    /// A number out of its range.
+    pub fn check(&self) -> Result<()> {
+        let factor = || 0.01..=100.0;
+        let modulus = || 1.0..=1e7;
+        within([
+            ("material.stiffness", self.stiffness, factor()),
+            ("material.damping", self.damping, factor()),
+            ("material.fat", self.fat, modulus()),
+            ("material.softening", self.softening, 0.0..=2.0),
+            ("material.breast", self.breast, factor()),
+            ("material.belly", self.belly, factor()),
+            ("material.buttocks", self.buttocks, factor()),
+            ("material.thighs", self.thighs, factor()),
+            ("material.upper_arms", self.upper_arms, factor()),
+            ("material.muscle", self.muscle, modulus()),
+            ("material.viscera_lean", self.viscera_lean, 0.0..=1e7),
+            ("material.viscera", self.viscera, modulus()),
+            ("material.bulk", self.bulk, modulus()),
+            ("material.density", self.density, 10.0..=1e5),
+            ("material.viscosity", self.viscosity, 0.0..=10.0),
+            ("material.breast_viscosity", self.breast_viscosity, 0.0..=10.0),
+            ("material.drag", self.drag, 0.0..=1e4),
+            ("material.skin", self.skin, 0.0..=1e6),
+            ("material.skin_growth", self.skin_growth, 0.0..=1e8),
+            ("material.breast_skin", self.breast_skin, 0.0..=100.0),
+        ])
     }
 }

@@ -12,6 +12,13 @@ pub struct Tetrahedron {
     pub share: f32,
 }
 
+impl Tetrahedron {
+    /// Volume that it stands for, m^3, with its nodes at `positions`.
+    pub fn volume(&self, positions: &[Vec3]) -> f32 {
+        edge_matrix(self.nodes, positions).determinant() / 6.0 * self.share
+    }
+}
+
 /// Splits the prism under every triangle and layer into three tetrahedra and makes the result exactly mirror
 /// symmetric: the mirror image of each is added at half weight, and what coincides is merged. (Diagonals follow a
 /// mirror-symmetric order of the vertices, so that nearly all coincide; only elements that cross the middle

@@ -53,7 +53,8 @@ impl<'a> Simulator<'a> {
         material: &Material,
         config: &FleshConfig,
     ) -> Result<Self> {
-        check_config(material, config)?;
+        material.check()?;
+        config.check()?;
         let columns = Columns::new(body, &shaped, tissue, material, config);
         let assembly = Assembly::new(&columns, body, material, config);
         let limbs = Limbs::new(&body.skeleton, body, &shaped);
@@ -112,25 +113,4 @@ impl<'a> Simulator<'a> {
         }
         Ok(FleshRun { deltas, statistics: state.statistics })
     }
-}
-
-fn check_config(material: &Material, config: &FleshConfig) -> Result<()> {
-    let bad = |field: &'static str, reason: &str| Err(SynthError::Config { field, reason: reason.into() });
-    let positive = |x: f32| x.is_finite() && x > 0.0;
-    if !(1..=4096).contains(&config.substeps) {
-        return bad("flesh.substeps", "write a number from 1 to 4096");
-    }
-    if !(positive(config.depth) && positive(config.shallow) && config.gravity.is_finite()) {
-        return bad("flesh", "depths must be positive and gravity finite");
-    }
-    let m = material;
-    let numbers = [m.stiffness, m.damping, m.fat, m.breast, m.muscle, m.viscera, m.bulk, m.density];
-    if !numbers.into_iter().all(positive)
-        || ![m.viscera_lean, m.viscosity, m.breast_viscosity, m.drag, m.softening, m.skin, m.skin_growth, m.breast_skin]
-            .iter()
-            .all(|x| x.is_finite() && *x >= 0.0)
-    {
-        return bad("material", "stiffnesses, damping and density must be positive, the rest not negative");
-    }
-    Ok(())
 }

@@ -6,6 +6,8 @@ mod rough;
 
 pub use rough::rough_motion;
 
+use crate::Result;
+use crate::checks::within;
 use crate::subject::Waves;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -36,6 +38,18 @@ impl ScannerConfig {
     /// Noise off: no drift, no noise; the rough channel stays.
     pub fn off() -> Self {
         Self { drift: 0.0, noise: 0.0, ..Self::default() }
+    }
+
+    /// Refuses what makes no sense, naming the field.
+    ///
+    /// # Errors
+    /// A number out of its range.
+    pub fn check(&self) -> Result<()> {
+        within([
+            ("scanner.drift", self.drift, 0.0..=0.05),
+            ("scanner.noise", self.noise, 0.0..=0.05),
+            ("scanner.rough_degrees", self.rough_degrees, 0.0..=30.0),
+        ])
     }
 }
 

@@ -8,9 +8,10 @@ mod mismatch;
 pub(crate) use field::{Waves, rms};
 pub use mismatch::PoseMismatch;
 
-use crate::Result;
+use crate::checks::within;
 use crate::flesh::Material;
 use crate::motion::Style;
+use crate::{Result, SynthError};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use softtissue_body::BodyModel;
@@ -28,6 +29,9 @@ pub struct SubjectConfig {
     pub style: bool,
     /// Largest relative difference of hidden stiffness from the mean. Default 0.2; 0 gives everybody the mean.
     pub stiffness_scatter: f32,
+    /// Largest relative difference of the hidden stiffness of each region (belly, breasts, buttocks, thighs, upper
+    /// arms) from the person's own, beside `stiffness_scatter`. Default 0.2; 0 gives all regions one scale.
+    pub regional_scatter: f32,
     /// Largest relative difference of hidden damping from the mean. Default 0.3.
     pub damping_scatter: f32,
     /// Root mean square length of the static detail outside the shape space, metres: each person's is drawn between
@@ -43,6 +47,7 @@ impl Default for SubjectConfig {
             shape_scatter: 0.7,
             style: true,
             stiffness_scatter: 0.2,
+            regional_scatter: 0.2,
             damping_scatter: 0.3,
             detail: [0.004, 0.008],
             pose_mismatch: true,
@@ -57,10 +62,31 @@ impl SubjectConfig {
             shape_scatter: 0.0,
             style: false,
             stiffness_scatter: 0.0,
+            regional_scatter: 0.0,
             damping_scatter: 0.0,
             detail: [0.0; 2],
             pose_mismatch: false,
         }
+    }
+
+    /// Refuses what makes no sense, naming the field.
+    ///
+    /// # Errors
+    /// A number out of its range, or sizes of detail in the wrong order.
+    pub fn check(&self) -> Result<()> {
+        within([
+            ("subjects.shape_scatter", self.shape_scatter, 0.0..=2.0),
+            ("subjects.stiffness_scatter", self.stiffness_scatter, 0.0..=0.9),
+            ("subjects.regional_scatter", self.regional_scatter, 0.0..=0.9),
+            ("subjects.damping_scatter", self.damping_scatter, 0.0..=0.9),
+            ("subjects.detail", self.detail[0], 0.0..=0.05),
+            ("subjects.detail", self.detail[1], 0.0..=0.05),
+        ])?;
+        if self.detail[0] > self.detail[1] {
+            let reason = "the first number is the smaller one; exchange them".into();
+            return Err(SynthError::Config { field: "subjects.detail", reason });
+        }
+        Ok(())
     }
 }
 
@@ -108,9 +134,17 @@ impl Subject {
         let shapes: Vec<f32> =
             (0..body.shape_count()).map(|_| draws.normal().clamp(-1.8, 1.8) as f32 * config.shape_scatter).collect();
         let mut scatter = |by: f32| 1.0 + draws.range(-1.0, 1.0) as f32 * by;
+        let (stiffness, damping) = (scatter(config.stiffness_scatter), scatter(config.damping_scatter));
+        let mut draws_of_regions = Draws::new(seed, "synth-subject-regions", number, 0);
+        let mut regional = || 1.0 + draws_of_regions.range(-1.0, 1.0) as f32 * config.regional_scatter;
         let material = Material {
-            stiffness: mean.stiffness * scatter(config.stiffness_scatter),
-            damping: mean.damping * scatter(config.damping_scatter),
+            stiffness: mean.stiffness * stiffness,
+            damping: mean.damping * damping,
+            belly: mean.belly * regional(),
+            breast: mean.breast * regional(),
+            buttocks: mean.buttocks * regional(),
+            thighs: mean.thighs * regional(),
+            upper_arms: mean.upper_arms * regional(),
             ..mean.clone()
         };
         let beta = anatomy.beta_for_bmi(bmi, &shapes)?;
