@@ -71,9 +71,6 @@ pub struct RegressorSection {
     pub latents: usize,
     /// `resonators` (default) or `linear`.
     pub shortcut: ShortcutKind,
-    /// Folds over motions in which the resonators' predictions on training clips are made by a readout that has not
-    /// seen them. Default 4.
-    pub cross_fit_folds: usize,
     /// Whether mirrored clips are added. Default true.
     pub mirror: bool,
     /// The network and its training.
@@ -127,13 +124,7 @@ impl Default for SubspaceConfig {
 
 impl Default for RegressorSection {
     fn default() -> Self {
-        Self {
-            latents: 100,
-            shortcut: ShortcutKind::Resonators,
-            cross_fit_folds: 4,
-            mirror: true,
-            training: RegressorTraining::default(),
-        }
+        Self { latents: 100, shortcut: ShortcutKind::Resonators, mirror: true, training: RegressorTraining::default() }
     }
 }
 
@@ -207,6 +198,14 @@ impl Config {
                 return Err(format!("{key} is empty; write one or more ridge strengths"));
             }
             strengths.iter().try_for_each(|s| within(key, *s, 0.0..=1e6))?;
+        }
+        let constant = ladder.resonators.shape_terms.iter().any(|powers| powers.iter().all(|p| *p == 0));
+        if regressor.shortcut == ShortcutKind::Resonators && !(ladder.resonators.direct && constant) {
+            return Err(
+                "regressor.shortcut = \"resonators\" needs ladder.resonators.direct = true and the constant [] \
+                        among ladder.resonators.shape_terms; set these, or choose \"linear\""
+                    .into(),
+            );
         }
         if subspace.sizes.contains(&0) {
             return Err("subspace.sizes holds 0; a subspace has at least one number".into());

@@ -25,7 +25,8 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 fn main() -> Outcome<()> {
     let mut arguments = std::env::args().skip(1);
-    let root = arguments.next().ok_or("usage: fit_accuracy DIR [from=N] [frames=N] [clips=TEXT] [SETTING=VALUE ...]")?;
+    let root =
+        arguments.next().ok_or("usage: fit_accuracy DIR [from=N] [frames=N] [clips=TEXT] [SETTING=VALUE ...]")?;
     let (mut from, mut frames, mut clips, mut settings) = (0, usize::MAX, String::new(), String::new());
     for argument in arguments {
         match argument.split_once('=').ok_or("write NAME=VALUE")? {
@@ -176,7 +177,10 @@ impl Report {
     ) {
         let posed = |(beta, motion): (&[f32], &MotionClip)| -> Vec<Vec<Vec3>> {
             let shaped = body.shaped(beta);
-            let pose = |t: usize| softtissue_body::Pose { rotations: motion.rotations.frame(t), translation: motion.translations[t] };
+            let pose = |t: usize| softtissue_body::Pose {
+                rotations: motion.rotations.frame(t),
+                translation: motion.translations[t],
+            };
             (0..motion.len()).map(|t| body.posed(&shaped, pose(t), None)).collect()
         };
         let (a, b) = (posed(fitted), posed(truth));
@@ -205,7 +209,9 @@ impl Report {
                 vab / (vaa * vbb).sqrt()
             );
         }
-        println!("joint: rms error that moves, that stands, degrees; rms acceleration error, true, degrees a frame squared");
+        println!(
+            "joint: rms error that moves, that stands, degrees; rms acceleration error, true, degrees a frame squared"
+        );
         for (j, joint) in self.joints.iter().enumerate() {
             let [a, b, c, d] = joint.map(|x| (x / self.frames).sqrt().to_degrees());
             println!("  {j:2} {a:6.2} {b:6.2}   {c:6.2} {d:6.2}");

@@ -54,8 +54,7 @@ impl Objective {
                 return Err(FitError::Stopped);
             }
             let end = frames.min(begin + PIECE);
-            let scans: Vec<Vec<Vec3>> =
-                (begin..end).map(|t| self.body.packed.sorted(scan.vertices.frame(t))).collect();
+            let scans: Vec<Vec<Vec3>> = (begin..end).map(|t| self.body.packed.sorted(scan.vertices.frame(t))).collect();
             self.smooth_piece(fitted, begin, &scans, &stiffness);
             if end == frames {
                 return Ok(());

@@ -26,11 +26,11 @@ pub enum LossSpace {
 pub struct RegressorTraining {
     /// The network.
     pub network: RegressorConfig,
-    /// Steps of a whole training, which the learning rate falls over. Default 2000.
+    /// Steps of a whole training, which the learning rate falls over. Default 1000.
     pub steps: u64,
-    /// Clips in a batch, each whole and from a zero state. Default 10, the paper's.
+    /// Clips in a batch, each whole and from a zero state. Default 16; the paper's is 10.
     pub batch: usize,
-    /// Learning rate at the start; falls to zero by a cosine. Default 3e-3; the paper's is a constant 1e-3.
+    /// Learning rate at the start; falls to zero by a cosine. Default 1e-3, as in the paper, where it stays.
     pub learning_rate: f64,
     /// Factors of the position, velocity and acceleration terms.
     pub terms: TrajectoryWeights,
@@ -44,9 +44,9 @@ impl Default for RegressorTraining {
     fn default() -> Self {
         Self {
             network: RegressorConfig::default(),
-            steps: 2000,
-            batch: 10,
-            learning_rate: 3e-3,
+            steps: 1000,
+            batch: 16,
+            learning_rate: 1e-3,
             terms: TrajectoryWeights::default(),
             space: LossSpace::default(),
             adam: AdamConfig::default(),

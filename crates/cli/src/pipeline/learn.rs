@@ -11,7 +11,7 @@ use crate::exit::UsageError;
 use anyhow::{Context as _, Result};
 use serde_json::json;
 use softtissue_body::BodyModel;
-use softtissue_bundle::{Bundle, BundleInfo, SelfCheck};
+use softtissue_bundle::{Bundle, BundleInfo, Regressor, SelfCheck};
 use softtissue_clips::{FitSet, Split};
 use softtissue_model::Pca;
 use softtissue_train::Clips;
@@ -102,7 +102,11 @@ pub fn learn(
                 "selected_on": split.validation.iter().map(ToString::to_string).collect::<Vec<_>>(),
             }),
             // An error on clips that training has seen is none to ship.
-            measured: if split.validation.is_empty() { json!({}) } else { json!({"validation_mm": regressor.best_mm}) },
+            measured: if split.validation.is_empty() {
+                json!({})
+            } else {
+                json!({"validation_soft_ratio": regressor.soft_ratio})
+            },
             largest_delta_m: largest_delta(fit, split)?,
         },
         body: (**body).clone(),
@@ -126,21 +130,18 @@ pub fn learn(
         }
         Ok(())
     })?;
-    let ablations = ablations(&bundle);
+    let ablations = ablations(&bundle, &regressor);
     Ok(Learned { pca, subspaces, regressor, bundle: Arc::new(bundle), ladder, ablations })
 }
 
-/// The bundle with the recurrent part and with the shortcut switched off.
-fn ablations(bundle: &Bundle) -> Vec<BundleMethod> {
+/// The bundle with each part of the regressor alone.
+fn ablations(bundle: &Bundle, learned: &LearnedRegressor) -> Vec<BundleMethod> {
     let name = &bundle.info.method;
-    let mut without_recurrent = bundle.clone();
-    without_recurrent.regressor.recurrent = None;
-    let mut without_shortcut = bundle.clone();
-    without_shortcut.regressor.shortcut.weight.data_mut().fill(0.0);
-    vec![
-        BundleMethod { name: format!("{name}/without-gru"), bundle: Arc::new(without_recurrent) },
-        BundleMethod { name: format!("{name}/without-shortcut"), bundle: Arc::new(without_shortcut) },
-    ]
+    let with = |part: &str, regressor: &Regressor| {
+        let bundle = Bundle { regressor: regressor.clone(), ..bundle.clone() };
+        BundleMethod { name: format!("{name}/{part}"), bundle: Arc::new(bundle) }
+    };
+    vec![with("without-gru", &learned.without_gru), with("without-shortcut", &learned.without_shortcut)]
 }
 
 fn largest_delta(fit: &FitSet, split: &Split) -> Result<f32> {

@@ -1,4 +1,4 @@
-//! The recurrent regressor round its shortcut.
+//! The recurrent network and the linear memory beside it.
 
 use super::context::{Context, Place};
 use crate::config::ShortcutKind;
@@ -6,11 +6,10 @@ use anyhow::Result;
 use rayon::prelude::*;
 use softtissue_body::BodyModel;
 use softtissue_bundle::descriptor::FeatureBlock;
-use softtissue_bundle::{Matrix, Regressor, ResonatorBank, Subspace};
-use softtissue_model::linear::{ReadoutConfig, SoftScore, fit_readout};
+use softtissue_bundle::{Linear, Matrix, Regressor, ResonatorBank, Subspace};
+use softtissue_model::linear::{ReadoutConfig, Score, SoftScore, fit_readout};
 use softtissue_model::{Autoencoder, ShortcutStart, TrainingClip, truncated};
 use softtissue_train::{Clips, MotionSequence, RegressorTrainee, Shortcut, Stage};
-use std::collections::BTreeSet;
 
 /// What the regressor learns from.
 pub struct RegressorInputs<'a> {
@@ -28,66 +27,156 @@ pub struct RegressorInputs<'a> {
     pub strength: f64,
 }
 
-/// A learned regressor and how it was selected.
+/// A learned regressor, what it is without either of its parts, and how it was selected.
 #[derive(Clone, Debug)]
 pub struct LearnedRegressor {
     /// The regressor as the bundle holds it.
     pub regressor: Regressor,
-    /// Steps after which validation was best; 0: the shortcut alone.
+    /// The best there is without the recurrent unit.
+    pub without_gru: Regressor,
+    /// The best there is without the shortcut.
+    pub without_shortcut: Regressor,
+    /// Part of the prediction that is the network's; the rest is the resonators'. 1 where the shortcut is linear.
+    pub share: f32,
+    /// Soft ratio on validation, inside the subspace's basis.
+    pub soft_ratio: f64,
+    /// Step after which the network alone was best on validation.
     pub best_step: u64,
-    /// Validation error of the whole, mm over all vertices.
+    /// Validation error of the network alone, mm over all vertices.
     pub best_mm: f64,
 }
 
-/// Fits the shortcut in closed form, then trains the recurrent part round it.
+/// Fits the shortcut in closed form and trains the network; with resonators the two are learned apart and mixed as
+/// validation has it.
 pub fn learn_regressor(context: &Context, place: &Place, inputs: RegressorInputs) -> Result<LearnedRegressor> {
-    let config = &context.config.regressor;
-    let latent_clips = Clips {
-        train: in_latents(inputs.subspace, &inputs.clips.train),
-        validation: in_latents(inputs.subspace, &inputs.clips.validation),
-    };
-    let mut regressor = fit_shortcut(context, &inputs, &latent_clips.train)?;
-    let (shortcut, outside) = match config.shortcut {
-        ShortcutKind::Linear => (Shortcut::Trained(start_of(&regressor)), Outside::Inputs),
+    let readout = fit_shortcut(context, &inputs, &in_latents(inputs.subspace, &inputs.clips.train))?;
+    let (network, best_step, best_mm) = train_network(context, place, &inputs, &readout)?;
+    let score = SoftScore::new(&inputs.subspace.basis, inputs.body);
+    let validation = &inputs.clips.validation;
+    let (regressor, without_gru, without_shortcut, share, soft_ratio) = match context.config.regressor.shortcut {
+        ShortcutKind::Linear => {
+            let mut without_gru = network.clone();
+            without_gru.recurrent = None;
+            let mut without_shortcut = network.clone();
+            without_shortcut.shortcut.weight.data_mut().fill(0.0);
+            let ratio = soft_ratio(inputs.subspace, &score, validation, &rollouts(&network, validation));
+            (network, without_gru, without_shortcut, 1.0, ratio)
+        }
         ShortcutKind::Resonators => {
-            let train = cross_fitted(context, &inputs, &latent_clips.train)?;
-            let validation = rollouts(&regressor, &latent_clips.validation);
-            (Shortcut::Fixed, Outside::Latents(Clips { train, validation }))
+            let (share, ratio) = best_share(inputs.subspace, &score, validation, &readout, &network);
+            (mixed(&readout, &network, share), readout, network, share, ratio)
         }
     };
-    let sequences = |clips: &[TrainingClip], latents: Option<&Vec<Vec<f32>>>| -> Vec<MotionSequence> {
-        clips.iter().enumerate().map(|(i, clip)| sequence(&regressor, clip, latents.map(|l| l[i].clone()))).collect()
+    Ok(LearnedRegressor { regressor, without_gru, without_shortcut, share, soft_ratio, best_step, best_mm })
+}
+
+/// The recurrent unit with a linear layer around it (SoftSMPL sec. 5), as a regressor of its own. Beside resonators it
+/// sees what drives them and starts from nothing; otherwise all features, and its linear layer starts as the readout.
+fn train_network(
+    context: &Context,
+    place: &Place,
+    inputs: &RegressorInputs,
+    readout: &Regressor,
+) -> Result<(Regressor, u64, f64)> {
+    let config = &context.config.regressor;
+    let all = readout.feature_count();
+    let seen = readout.bank.as_ref().map_or(all, ResonatorBank::channels);
+    let (columns, latents) = (seen + readout.shape_count(), readout.latent_count());
+    let start = match config.shortcut {
+        ShortcutKind::Linear => start_of(readout),
+        ShortcutKind::Resonators => ShortcutStart { weight: vec![0.0; columns * latents], bias: vec![0.0; latents] },
     };
-    let clips = match &outside {
-        Outside::Inputs => {
-            Clips { train: sequences(&inputs.clips.train, None), validation: sequences(&inputs.clips.validation, None) }
-        }
-        Outside::Latents(l) => Clips {
-            train: sequences(&inputs.clips.train, Some(&l.train)),
-            validation: sequences(&inputs.clips.validation, Some(&l.validation)),
-        },
-    };
+    let sequences = |clips: &[TrainingClip]| clips.iter().map(|clip| sequence(readout, clip, seen)).collect();
+    let clips = Clips { train: sequences(&inputs.clips.train), validation: sequences(&inputs.clips.validation) };
     let stage = Stage { name: "regressor".into(), seed: context.config.seed, device: context.device.clone() };
     let directions = inputs.subspace.basis.directions.data();
+    let shortcut = Shortcut::Trained(start);
     let mut trainee =
         RegressorTrainee::new(config.training.clone(), &stage, inputs.network, directions, shortcut, clips)?;
     let (best_step, best_mm) = context.train(place, "regressor", &mut trainee, config.training.steps)?;
-    let network = trainee.into_network();
-    let scale = inputs.network.scale;
-    if let Some(trained) = network.to_shortcut(scale) {
-        regressor.shortcut = trained;
-    }
+    let (network, scale) = (trainee.into_network(), inputs.network.scale);
+    let linear = network.to_shortcut(scale).expect("the network was made with a linear layer");
     let mut recurrent = network.to_recurrent(scale);
-    recurrent.gru.w_ih = widened(&recurrent.gru.w_ih, seen(&regressor), regressor.feature_count());
-    regressor.recurrent = Some(recurrent);
-    Ok(LearnedRegressor { regressor, best_step, best_mm })
+    recurrent.gru.w_ih = widened(&recurrent.gru.w_ih, seen, all);
+    let regressor = Regressor {
+        input: readout.input.clone(),
+        shape: readout.shape.clone(),
+        shape_terms: vec![vec![]],
+        bank: None,
+        direct: true,
+        shortcut: Linear { weight: widened(&linear.weight, seen, all), bias: linear.bias },
+        recurrent: Some(recurrent),
+    };
+    Ok((regressor, best_step, best_mm))
 }
 
-enum Outside {
-    /// The shortcut sees the regressor's own inputs and is trained along.
-    Inputs,
-    /// The shortcut's latents, clip by clip.
-    Latents(Clips<Vec<Vec<f32>>>),
+/// Parts of the network that are tried in the mixture.
+const SHARES: [f32; 11] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
+
+/// The part of the network in the mixture, and its soft ratio, that are best on validation.
+fn best_share(
+    subspace: &Subspace,
+    score: &SoftScore,
+    clips: &[TrainingClip],
+    readout: &Regressor,
+    network: &Regressor,
+) -> (f32, f64) {
+    let (a, b) = (rollouts(readout, clips), rollouts(network, clips));
+    let at = |share: f32| {
+        let mix = |(a, b): (&Vec<f32>, &Vec<f32>)| -> Vec<f32> {
+            a.iter().zip(b).map(|(a, b)| (1.0 - share) * a + share * b).collect()
+        };
+        let latents: Vec<Vec<f32>> = a.iter().zip(&b).map(mix).collect();
+        (share, soft_ratio(subspace, score, clips, &latents))
+    };
+    SHARES.into_iter().map(at).reduce(|best, next| if next.1 < best.1 { next } else { best }).expect("shares to try")
+}
+
+/// Soft ratio of predicted latents, clip by clip `[T, L]`.
+fn soft_ratio(subspace: &Subspace, score: &SoftScore, clips: &[TrainingClip], latents: &[Vec<f32>]) -> f64 {
+    let (k, l) = (subspace.components(), subspace.latent_count());
+    let mut sum = Score::default();
+    let judged: Vec<Score> = clips
+        .par_iter()
+        .zip(latents)
+        .map(|(clip, latents)| {
+            let mut scratch = subspace.scratch();
+            let mut found = vec![0.0; clip.frames * k];
+            for (z, c) in latents.chunks_exact(l).zip(found.chunks_exact_mut(k)) {
+                subspace.decode_coefficients(z, c, &mut scratch);
+            }
+            score.clip(&found, &clip.coefficients)
+        })
+        .collect();
+    judged.into_iter().for_each(|s| sum.add(s));
+    sum.ratio()
+}
+
+/// `(1 - share)` of the readout and `share` of the network as one regressor: the network's linear layer joins the
+/// readout's constant term, which sees the features beside the bank.
+fn mixed(readout: &Regressor, network: &Regressor, share: f32) -> Regressor {
+    let mut mixture = readout.clone();
+    let constant = readout.shape_terms.iter().position(|powers| powers.iter().all(|p| *p == 0));
+    let constant = constant.expect("settings ask for a constant shape term beside resonators");
+    assert!(readout.sees_features(), "settings ask for a readout that sees the features");
+    let (d, a) = (readout.feature_count(), readout.memory_count());
+    let (first, statics) = (constant * a + a - d, readout.shape_terms.len() * a);
+    for row in 0..readout.latent_count() {
+        let weights = mixture.shortcut.weight.row_mut(row);
+        weights.iter_mut().for_each(|w| *w *= 1.0 - share);
+        let (features, shape) = network.shortcut.weight.row(row).split_at(d);
+        weights[first..first + d].iter_mut().zip(features).for_each(|(w, x)| *w += share * x);
+        weights[statics..].iter_mut().zip(shape).for_each(|(w, x)| *w += share * x);
+    }
+    for (b, x) in mixture.shortcut.bias.iter_mut().zip(&network.shortcut.bias) {
+        *b = (1.0 - share) * *b + share * x;
+    }
+    mixture.recurrent.clone_from(&network.recurrent);
+    if let Some(recurrent) = &mut mixture.recurrent {
+        recurrent.readout.weight.data_mut().iter_mut().for_each(|w| *w *= share);
+        recurrent.readout.bias.iter_mut().for_each(|b| *b *= share);
+    }
+    mixture
 }
 
 /// The same clips with latents in the place of coefficients.
@@ -119,26 +208,6 @@ fn fit_shortcut(context: &Context, inputs: &RegressorInputs, clips: &[TrainingCl
     Ok(fit_readout(&readout, inputs.blocks, fps, clips, &[], &score)?.model)
 }
 
-/// Each training clip's latents from a shortcut that has not seen its motion: a network trained on the residuals
-/// that a shortcut leaves on its own training clips would learn that fit's noise.
-fn cross_fitted(context: &Context, inputs: &RegressorInputs, clips: &[TrainingClip]) -> Result<Vec<Vec<f32>>> {
-    let motions: Vec<&str> = clips.iter().map(|c| c.id.motion.as_str()).collect::<BTreeSet<_>>().into_iter().collect();
-    let folds = context.config.regressor.cross_fit_folds.clamp(2, motions.len().max(2));
-    let fold_of = |clip: &TrainingClip| motions.iter().position(|m| *m == clip.id.motion).unwrap_or(0) % folds;
-    let mut latents = vec![Vec::new(); clips.len()];
-    if motions.len() < 2 {
-        return Ok(rollouts(&fit_shortcut(context, inputs, clips)?, clips));
-    }
-    for fold in 0..folds {
-        let seen: Vec<TrainingClip> = clips.iter().filter(|c| fold_of(c) != fold).cloned().collect();
-        let regressor = fit_shortcut(context, inputs, &seen)?;
-        for (i, clip) in clips.iter().enumerate().filter(|(_, c)| fold_of(c) == fold) {
-            latents[i] = rollout(&regressor, clip);
-        }
-    }
-    Ok(latents)
-}
-
 fn rollouts(regressor: &Regressor, clips: &[TrainingClip]) -> Vec<Vec<f32>> {
     clips.par_iter().map(|clip| rollout(regressor, clip)).collect()
 }
@@ -154,14 +223,8 @@ fn rollout(regressor: &Regressor, clip: &TrainingClip) -> Vec<f32> {
     latents
 }
 
-/// How many of the scaled features the recurrent unit sees: what drives the resonators (the forces). Pose entries
-/// serve a linear readout, but a network learns by them which training clip it is in. Without resonators all, as
-/// published.
-fn seen(regressor: &Regressor) -> usize {
-    regressor.bank.as_ref().map_or(regressor.feature_count(), ResonatorBank::channels)
-}
-
-/// Input weights `[3H, seen + B]` with zeros for the features that the recurrent unit does not see: `[3H, all + B]`.
+/// Weights `[N, seen + B]` with zeros for the features that are not seen, `[N, all + B]`. Beside resonators a network
+/// sees what drives them: pose entries serve a linear readout, but a network learns by them which clip it is in.
 fn widened(weight: &Matrix, seen: usize, all: usize) -> Matrix {
     let mut data = Vec::with_capacity(weight.rows() * (weight.cols() + all - seen));
     for row in 0..weight.rows() {
@@ -173,17 +236,16 @@ fn widened(weight: &Matrix, seen: usize, all: usize) -> Matrix {
     Matrix::new(weight.rows(), weight.cols() + all - seen, data)
 }
 
-/// Scaled features and shape beside what the shortcut gives (or, without `latents`, sees).
-fn sequence(regressor: &Regressor, clip: &TrainingClip, latents: Option<Vec<f32>>) -> MotionSequence {
-    let (d, shape) = (regressor.feature_count(), regressor.scaled_shape(&clip.beta));
-    let scaled = regressor.input.apply_clip(&clip.features);
-    let with_shape = |count: usize| -> Vec<f32> {
-        scaled.chunks_exact(d.max(1)).flat_map(|x| x[..count].iter().copied().chain(shape.iter().copied())).collect()
-    };
+/// The first `seen` scaled features and the shape, for the recurrent unit and for the linear layer around it.
+fn sequence(readout: &Regressor, clip: &TrainingClip, seen: usize) -> MotionSequence {
+    let (d, shape) = (readout.feature_count(), readout.scaled_shape(&clip.beta));
+    let scaled = readout.input.apply_clip(&clip.features);
+    let input: Vec<f32> =
+        scaled.chunks_exact(d.max(1)).flat_map(|x| x[..seen].iter().copied().chain(shape.iter().copied())).collect();
     MotionSequence {
-        input: with_shape(seen(regressor)),
-        input_width: seen(regressor) + shape.len(),
-        shortcut: latents.unwrap_or_else(|| with_shape(d)),
+        input_width: seen + shape.len(),
+        shortcut: input.clone(),
+        input,
         target: clip.coefficients.clone(),
     }
 }

@@ -75,11 +75,12 @@ fn facts(context: &Context, job: &Prepared, learned: &Learned) -> Vec<(String, S
         (
             "regressor",
             format!(
-                "{} steps, best at {}, {:.3} mm on {} clips",
+                "network: {} steps, best at {}, {:.3} mm on {} clips; {:.0} % of the mixture with the shortcut",
                 config.regressor.training.steps,
                 learned.regressor.best_step,
                 learned.regressor.best_mm,
-                if split.validation.is_empty() { "training" } else { "validation" }
+                if split.validation.is_empty() { "training" } else { "validation" },
+                100.0 * learned.regressor.share
             ),
         ),
     ]

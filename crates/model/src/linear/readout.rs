@@ -86,7 +86,8 @@ pub fn fit_readout(
     }
     let mut regressor = untrained(config, blocks, fps, train)?;
     let stride = config.frame_stride.max(1);
-    let rows: Vec<Equations> = train.par_iter().map(|clip| whitened(&regressor, clip, stride, config.whitening)).collect();
+    let rows: Vec<Equations> =
+        train.par_iter().map(|clip| whitened(&regressor, clip, stride, config.whitening)).collect();
     let ridge = Ridge::new(&rows)?;
     let held: Vec<Equations> = validation.par_iter().map(|clip| equations(&regressor, clip, 1)).collect();
     let (readout, strength, score, tried) = select(&config.strengths, |strength| {
