@@ -73,6 +73,9 @@ pub struct RegressorSection {
     pub shortcut: ShortcutKind,
     /// Whether mirrored clips are added. Default true.
     pub mirror: bool,
+    /// Part by which the soft ratio on validation may rise for the sake of livelier motion: least squares predicts
+    /// less motion than there is. Beside resonators only; the published form has no such gain. Default 0.03.
+    pub given_for_motion: f64,
     /// The network and its training.
     pub training: RegressorTraining,
 }
@@ -124,7 +127,13 @@ impl Default for SubspaceConfig {
 
 impl Default for RegressorSection {
     fn default() -> Self {
-        Self { latents: 100, shortcut: ShortcutKind::Resonators, mirror: true, training: RegressorTraining::default() }
+        Self {
+            latents: 100,
+            shortcut: ShortcutKind::Resonators,
+            mirror: true,
+            given_for_motion: 0.03,
+            training: RegressorTraining::default(),
+        }
     }
 }
 
@@ -182,6 +191,7 @@ impl Config {
                 return Err(format!("{key} is {rate}; write a number above 0 and at most 1"));
             }
         }
+        within("regressor.given_for_motion", regressor.given_for_motion, 0.0..=1.0)?;
         within("subspace.training.dropout", ae.dropout, 0.0..=0.99)?;
         within("subspace.training.input_noise", ae.input_noise, 0.0..=1e3)?;
         within("subspace.training.normal_weight", ae.normal_weight, 0.0..=1e9)?;

@@ -32,12 +32,14 @@ pub struct RegressorInputs<'a> {
 pub struct LearnedRegressor {
     /// The regressor as the bundle holds it.
     pub regressor: Regressor,
-    /// The best there is without the recurrent unit.
+    /// The shortcut alone, with a gain of its own.
     pub without_gru: Regressor,
-    /// The best there is without the shortcut.
+    /// The network alone, with a gain of its own.
     pub without_shortcut: Regressor,
     /// Part of the prediction that is the network's; the rest is the resonators'. 1 where the shortcut is linear.
     pub share: f32,
+    /// What the mixture is multiplied by, to give back motion that least squares takes.
+    pub gain: f32,
     /// Soft ratio on validation, inside the subspace's basis.
     pub soft_ratio: f64,
     /// Step after which the network alone was best on validation.
@@ -53,21 +55,26 @@ pub fn learn_regressor(context: &Context, place: &Place, inputs: RegressorInputs
     let (network, best_step, best_mm) = train_network(context, place, &inputs, &readout)?;
     let score = SoftScore::new(&inputs.subspace.basis, inputs.body);
     let validation = &inputs.clips.validation;
-    let (regressor, without_gru, without_shortcut, share, soft_ratio) = match context.config.regressor.shortcut {
+    let (regressor, without_gru, without_shortcut, mix, soft_ratio) = match context.config.regressor.shortcut {
         ShortcutKind::Linear => {
             let mut without_gru = network.clone();
             without_gru.recurrent = None;
             let mut without_shortcut = network.clone();
             without_shortcut.shortcut.weight.data_mut().fill(0.0);
-            let ratio = soft_ratio(inputs.subspace, &score, validation, &rollouts(&network, validation));
-            (network, without_gru, without_shortcut, 1.0, ratio)
+            let judged = judged(inputs.subspace, &score, validation, &rollouts(&network, validation));
+            (network, without_gru, without_shortcut, Mix { share: 1.0, gain: 1.0 }, judged.ratio())
         }
         ShortcutKind::Resonators => {
-            let (share, ratio) = best_share(inputs.subspace, &score, validation, &readout, &network);
-            (mixed(&readout, &network, share), readout, network, share, ratio)
+            let latents = [rollouts(&readout, validation), rollouts(&network, validation)];
+            let judge = |mix: Mix| judged(inputs.subspace, &score, validation, &mix.latents(&latents));
+            let given = context.config.regressor.given_for_motion;
+            let (mix, ratio) = best_mix(&judge, given);
+            let alone = |share: f32| mixed(&readout, &network, livelier(&judge, share, given).0);
+            (mixed(&readout, &network, mix), alone(0.0), alone(1.0), mix, ratio)
         }
     };
-    Ok(LearnedRegressor { regressor, without_gru, without_shortcut, share, soft_ratio, best_step, best_mm })
+    let Mix { share, gain } = mix;
+    Ok(LearnedRegressor { regressor, without_gru, without_shortcut, share, gain, soft_ratio, best_step, best_mm })
 }
 
 /// The recurrent unit with a linear layer around it (SoftSMPL sec. 5), as a regressor of its own. Beside resonators it
@@ -110,30 +117,49 @@ fn train_network(
     Ok((regressor, best_step, best_mm))
 }
 
-/// Parts of the network that are tried in the mixture.
-const SHARES: [f32; 11] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
-
-/// The part of the network in the mixture, and its soft ratio, that are best on validation.
-fn best_share(
-    subspace: &Subspace,
-    score: &SoftScore,
-    clips: &[TrainingClip],
-    readout: &Regressor,
-    network: &Regressor,
-) -> (f32, f64) {
-    let (a, b) = (rollouts(readout, clips), rollouts(network, clips));
-    let at = |share: f32| {
-        let mix = |(a, b): (&Vec<f32>, &Vec<f32>)| -> Vec<f32> {
-            a.iter().zip(b).map(|(a, b)| (1.0 - share) * a + share * b).collect()
-        };
-        let latents: Vec<Vec<f32>> = a.iter().zip(&b).map(mix).collect();
-        (share, soft_ratio(subspace, score, clips, &latents))
-    };
-    SHARES.into_iter().map(at).reduce(|best, next| if next.1 < best.1 { next } else { best }).expect("shares to try")
+/// `gain ((1 - share) readout + share network)`.
+#[derive(Clone, Copy, Debug)]
+struct Mix {
+    share: f32,
+    gain: f32,
 }
 
-/// Soft ratio of predicted latents, clip by clip `[T, L]`.
-fn soft_ratio(subspace: &Subspace, score: &SoftScore, clips: &[TrainingClip], latents: &[Vec<f32>]) -> f64 {
+impl Mix {
+    /// Latents of the mixture of those of the readout and of the network, clip by clip.
+    fn latents(self, [readout, network]: &[Vec<Vec<f32>>; 2]) -> Vec<Vec<f32>> {
+        let mix = |(a, b): (&f32, &f32)| self.gain * ((1.0 - self.share) * a + self.share * b);
+        readout.iter().zip(network).map(|(a, b)| a.iter().zip(b).map(mix).collect()).collect()
+    }
+}
+
+/// Steps in which shares from 0 to 1 are tried, ...
+const SHARES: u8 = 10;
+/// ... and gains from 1 to `MOST_GAIN`.
+const GAINS: u8 = 20;
+const MOST_GAIN: f32 = 1.5;
+
+/// The share with the lowest soft ratio and its gain.
+fn best_mix(judge: &impl Fn(Mix) -> Score, given: f64) -> (Mix, f64) {
+    let share = |i: u8| f32::from(i) / f32::from(SHARES);
+    let tried = (0..=SHARES).map(|i| (share(i), judge(Mix { share: share(i), gain: 1.0 }).ratio()));
+    let (share, _) = tried.reduce(|a, b| if b.1 < a.1 { b } else { a }).expect("shares to try");
+    livelier(judge, share, given)
+}
+
+/// The largest gain that raises the soft ratio of a share by no more than a part `given` and does not move more than
+/// the scans do, and the soft ratio there. Least squares predicts less motion than there is, wherever it is unsure.
+fn livelier(judge: &impl Fn(Mix) -> Score, share: f32, given: f64) -> (Mix, f64) {
+    let lowest = judge(Mix { share, gain: 1.0 }).ratio();
+    let gains = (1..=GAINS).map(|i| 1.0 + (MOST_GAIN - 1.0) * f32::from(i) / f32::from(GAINS));
+    gains
+        .map(|gain| (Mix { share, gain }, judge(Mix { share, gain })))
+        .take_while(|(_, score)| score.ratio() <= lowest * (1.0 + given) && score.energy() <= 1.0)
+        .last()
+        .map_or((Mix { share, gain: 1.0 }, lowest), |(mix, score)| (mix, score.ratio()))
+}
+
+/// Predicted latents, clip by clip `[T, L]`, against the scans' coefficients.
+fn judged(subspace: &Subspace, score: &SoftScore, clips: &[TrainingClip], latents: &[Vec<f32>]) -> Score {
     let (k, l) = (subspace.components(), subspace.latent_count());
     let mut sum = Score::default();
     let judged: Vec<Score> = clips
@@ -149,12 +175,13 @@ fn soft_ratio(subspace: &Subspace, score: &SoftScore, clips: &[TrainingClip], la
         })
         .collect();
     judged.into_iter().for_each(|s| sum.add(s));
-    sum.ratio()
+    sum
 }
 
-/// `(1 - share)` of the readout and `share` of the network as one regressor: the network's linear layer joins the
-/// readout's constant term, which sees the features beside the bank.
-fn mixed(readout: &Regressor, network: &Regressor, share: f32) -> Regressor {
+/// The mixture as one regressor: the network's linear layer joins the readout's constant term, which sees the features
+/// beside the bank.
+fn mixed(readout: &Regressor, network: &Regressor, mix: Mix) -> Regressor {
+    let (theirs, own) = (mix.gain * (1.0 - mix.share), mix.gain * mix.share);
     let mut mixture = readout.clone();
     let constant = readout.shape_terms.iter().position(|powers| powers.iter().all(|p| *p == 0));
     let constant = constant.expect("settings ask for a constant shape term beside resonators");
@@ -163,18 +190,18 @@ fn mixed(readout: &Regressor, network: &Regressor, share: f32) -> Regressor {
     let (first, statics) = (constant * a + a - d, readout.shape_terms.len() * a);
     for row in 0..readout.latent_count() {
         let weights = mixture.shortcut.weight.row_mut(row);
-        weights.iter_mut().for_each(|w| *w *= 1.0 - share);
+        weights.iter_mut().for_each(|w| *w *= theirs);
         let (features, shape) = network.shortcut.weight.row(row).split_at(d);
-        weights[first..first + d].iter_mut().zip(features).for_each(|(w, x)| *w += share * x);
-        weights[statics..].iter_mut().zip(shape).for_each(|(w, x)| *w += share * x);
+        weights[first..first + d].iter_mut().zip(features).for_each(|(w, x)| *w += own * x);
+        weights[statics..].iter_mut().zip(shape).for_each(|(w, x)| *w += own * x);
     }
     for (b, x) in mixture.shortcut.bias.iter_mut().zip(&network.shortcut.bias) {
-        *b = (1.0 - share) * *b + share * x;
+        *b = theirs * *b + own * x;
     }
     mixture.recurrent.clone_from(&network.recurrent);
     if let Some(recurrent) = &mut mixture.recurrent {
-        recurrent.readout.weight.data_mut().iter_mut().for_each(|w| *w *= share);
-        recurrent.readout.bias.iter_mut().for_each(|b| *b *= share);
+        recurrent.readout.weight.data_mut().iter_mut().for_each(|w| *w *= own);
+        recurrent.readout.bias.iter_mut().for_each(|b| *b *= own);
     }
     mixture
 }

@@ -75,12 +75,13 @@ fn facts(context: &Context, job: &Prepared, learned: &Learned) -> Vec<(String, S
         (
             "regressor",
             format!(
-                "network: {} steps, best at {}, {:.3} mm on {} clips; {:.0} % of the mixture with the shortcut",
+                "network: {} steps, best at {}, {:.3} mm on {} clips; {:.0} % of the mixture with the shortcut, gain {:.2}",
                 config.regressor.training.steps,
                 learned.regressor.best_step,
                 learned.regressor.best_mm,
                 if split.validation.is_empty() { "training" } else { "validation" },
-                100.0 * learned.regressor.share
+                100.0 * learned.regressor.share,
+                learned.regressor.gain
             ),
         ),
     ]
