@@ -4,6 +4,9 @@
 //!   the posed one (SoftSMPL 2020 eq. 4). The Gauss-Newton matrix is summed over bone twists and carried down the
 //!   chain once a frame, so its cost does not grow with the skeleton's depth.
 //!   Weak priors share out what the surface hardly tells.
+//! - A second pass solves all frames of a clip together, with a cost on the squared accelerations of the joints
+//!   (`fit.limb_hz`, `fit.trunk_hz`): what swings fast through joints that the surface hardly sees, the trunk's above
+//!   all, is flesh, and stays in the deltas.
 //! - Another solver of the poses can stand in for this crate's through [`PoseSolver`], by [`fit_set_with`].
 //! - Shape: from the first frames of a subject's training clips, poses free.
 //! - Deltas: SoftSMPL eq. 3, with what is static in a subject (AutoAvatar 2022, appendix A) taken out by default.
@@ -53,3 +56,5 @@ mod checks;
 #[path = "../tests/fit/figure.rs"]
 #[allow(dead_code, reason = "shared with the integration tests, which use all of it")]
 mod figure;
+#[cfg(test)]
+mod smooth_checks;

@@ -15,7 +15,7 @@ pub struct FittedMotion {
     pub(crate) states: Vec<PoseState>,
     /// Objective of each frame, m^2.
     pub values: Vec<f64>,
-    /// Trips over the vertices that each frame took.
+    /// Trips over the vertices that each frame took by itself.
     pub evaluations: Vec<usize>,
 }
 

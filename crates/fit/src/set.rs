@@ -23,8 +23,10 @@ pub struct ClipQuality {
     pub id: ClipId,
     /// Median over frames of the weighted rms distance, mm.
     pub distance_mm: f64,
-    /// Mean trips over the vertices a frame.
+    /// Mean trips over the vertices a frame while frames were solved one by one.
     pub evaluations: f64,
+    /// The same while they were solved together; 0 where `fit.limb_hz` and `fit.trunk_hz` are 0.
+    pub smoothing_evaluations: f64,
     /// Vertices, summed over frames, that the pose folds; their deltas are their neighbours' mean.
     pub folded: usize,
     /// Whether the distance lies beyond `fit.refuse_beyond`: the clip is of no use (for a training clip an error).
@@ -167,7 +169,7 @@ fn fit_clip(
     let shaped = body.shaped(&subject.beta);
     let problem = PoseProblem { body, shaped: &shaped, template, fit_weight, objective };
     let mut fitted = solver.solve_clip(&problem, &scan, monitor)?;
-    objective.smooth(&mut fitted, &scan, config, monitor)?;
+    let smoothing = objective.smooth(&mut fitted, &scan, config, monitor)?;
     let distance_m = fitted.median_distance();
     let refused = distance_m > config.refuse_beyond;
     if refused && training {
@@ -187,12 +189,16 @@ fn fit_clip(
     fitted.clip(id.clone(), scan.fps).write(&FitSet::motion_path(out, id))?;
     let change = training.then(|| VelocityChange::of(&deltas, scan.fps));
     DeltaClip { id: id.clone(), fps: scan.fps, deltas }.write(&FitSet::delta_path(out, id))?;
-    let evaluations = fitted.evaluations.iter().sum::<usize>() as f64 / fitted.evaluations.len() as f64;
-    Ok(ClipResult {
-        entry: ClipEntry { id: id.clone(), frames: scan.vertices.len(), fps: scan.fps },
-        quality: ClipQuality { id: id.clone(), distance_mm: 1e3 * distance_m, evaluations, folded, refused },
-        change,
-    })
+    let a_frame = |trips: usize| trips as f64 / scan.vertices.len() as f64;
+    let quality = ClipQuality {
+        id: id.clone(),
+        distance_mm: 1e3 * distance_m,
+        evaluations: a_frame(fitted.evaluations.iter().sum()),
+        smoothing_evaluations: a_frame(smoothing),
+        folded,
+        refused,
+    };
+    Ok(ClipResult { entry: ClipEntry { id: id.clone(), frames: scan.vertices.len(), fps: scan.fps }, quality, change })
 }
 
 /// Deltas of the fitted frames `[frames, V]`, and how many vertices were folded.

@@ -12,10 +12,17 @@ use glam::{Mat3A, Vec3};
 use softtissue_clips::ScanClip;
 use softtissue_monitor::Monitor;
 
-/// Frames that are solved together at most; longer clips are solved piece by piece, ...
-const PIECE: usize = 200;
-/// ... of which the last frames are solved again with the next.
-const OVERLAP: usize = 40;
+/// How a long clip is divided.
+#[derive(Clone, Copy)]
+pub(crate) struct Pieces {
+    /// Frames that are solved together at most.
+    pub length: usize,
+    /// The last of them, which are solved again with the next piece: they have not seen what follows.
+    pub overlap: usize,
+}
+
+/// A frame's influence on others has died away after 40: the poses are those of one piece to 1e-4 rad (a test).
+pub(crate) const PIECES: Pieces = Pieces { length: 200, overlap: 40 };
 /// Steps at most.
 const MAX_STEPS: usize = 4;
 const FIRST_DAMPING: f64 = 1e-6;
@@ -23,7 +30,7 @@ const MOST_DAMPING: f64 = 1e3;
 /// Largest step, radians and metres, at which the poses count as found.
 const TOLERANCE: f64 = 5e-4;
 
-/// One frame's normal equations, turns about the axes of each joint's parent.
+/// One frame's objective, half its gradient and its Gauss-Newton matrix, turns about the axes of each joint's parent.
 struct Local {
     value: f64,
     gradient: Vec<f64>,
@@ -31,41 +38,53 @@ struct Local {
 }
 
 /// What squared second differences cost: `[3 J + 3]`, in the order of a step's entries.
-struct Stiffness(Vec<f64>);
+pub(crate) struct Stiffness(Vec<f64>);
 
 impl Objective {
-    /// Solves the frames of a fitted motion, which are all of the scan's, again, together.
+    /// Solves the frames of a fitted motion, which are all of the scan's, again, together. Returns the trips over the
+    /// vertices that this took, all frames' together.
     pub(crate) fn smooth(
         &self,
         fitted: &mut FittedMotion,
         scan: &ScanClip,
         config: &FitConfig,
         monitor: &dyn Monitor,
-    ) -> Result<()> {
+    ) -> Result<usize> {
+        self.smooth_in_pieces(fitted, scan, config, PIECES, monitor)
+    }
+
+    pub(crate) fn smooth_in_pieces(
+        &self,
+        fitted: &mut FittedMotion,
+        scan: &ScanClip,
+        config: &FitConfig,
+        pieces: Pieces,
+        monitor: &dyn Monitor,
+    ) -> Result<usize> {
         let frames = fitted.states.len();
         assert_eq!(frames, scan.vertices.len(), "frames of a motion and its scan");
         if frames < 3 || (config.limb_hz == 0.0 && config.trunk_hz == 0.0) {
-            return Ok(());
+            return Ok(0);
         }
         let stiffness = self.stiffness(config, f64::from(scan.fps));
-        let mut begin = 0;
+        let (mut begin, mut evaluations) = (0, 0);
         loop {
             if monitor.should_stop() {
                 return Err(FitError::Stopped);
             }
-            let end = frames.min(begin + PIECE);
+            let end = frames.min(begin + pieces.length);
             let scans: Vec<Vec<Vec3>> = (begin..end).map(|t| self.body.packed.sorted(scan.vertices.frame(t))).collect();
-            self.smooth_piece(fitted, begin, &scans, &stiffness);
+            evaluations += scans.len() * self.smooth_piece(fitted, begin, &scans, &stiffness);
             if end == frames {
-                return Ok(());
+                return Ok(evaluations);
             }
-            begin = end - OVERLAP;
+            begin = end - pieces.overlap;
         }
     }
 
     /// A second difference of frequency `f` is `(2 pi f / fps)^2` times the motion: at `hz` it costs as much as the
     /// distance that the motion makes of all that hangs on the joint.
-    fn stiffness(&self, config: &FitConfig, fps: f64) -> Stiffness {
+    pub(crate) fn stiffness(&self, config: &FitConfig, fps: f64) -> Stiffness {
         let of = |hz: f64| if hz > 0.0 { (fps / (std::f64::consts::TAU * hz)).powi(4) } else { 0.0 };
         let (limb, trunk) = (of(config.limb_hz), of(config.trunk_hz));
         let joint = |(h, in_trunk): (f64, &bool)| [h * if *in_trunk { trunk } else { limb }; 3];
@@ -74,8 +93,15 @@ impl Objective {
         Stiffness(cost)
     }
 
-    /// Levenberg-Marquardt on all frames of a piece; the two frames before it are held.
-    fn smooth_piece(&self, fitted: &mut FittedMotion, begin: usize, scans: &[Vec<Vec3>], stiffness: &Stiffness) {
+    /// Levenberg-Marquardt on all frames of a piece; the two frames before it are held. Returns the trips over each
+    /// frame's vertices.
+    fn smooth_piece(
+        &self,
+        fitted: &mut FittedMotion,
+        begin: usize,
+        scans: &[Vec<Vec3>],
+        stiffness: &Stiffness,
+    ) -> usize {
         let (fixed, n) = (begin.min(2), stiffness.0.len());
         let mut works: Vec<Workspace> = scans.iter().map(|_| Workspace::new(self)).collect();
         let mut states: Vec<PoseState> = fitted.states[begin - fixed..begin + scans.len()].to_vec();
@@ -102,8 +128,8 @@ impl Objective {
         for (i, (state, local)) in states.into_iter().skip(fixed).zip(&locals).enumerate() {
             fitted.states[begin + i] = state;
             fitted.values[begin + i] = local.value;
-            fitted.evaluations[begin + i] += evaluations;
         }
+        evaluations
     }
 
     /// Normal equations of each frame and the value of the whole.
@@ -125,15 +151,51 @@ impl Objective {
                 Local::new(&normal.gradient, &normal.hessian, normal.value, &kinematics)
             })
             .collect();
-        let accelerations: f64 = (1..states.len().saturating_sub(1))
-            .map(|t| {
-                let a = acceleration(states, t);
-                a.iter().zip(&stiffness.0).map(|(a, w)| w * a * a).sum::<f64>()
-            })
-            .sum();
-        let value = locals.iter().map(|l| l.value).sum::<f64>() + accelerations;
+        let value = locals.iter().map(|l| l.value).sum::<f64>() + stiffness.cost(states);
         (locals, value)
     }
+}
+
+impl Stiffness {
+    /// What the accelerations of a motion cost.
+    pub(crate) fn cost(&self, states: &[PoseState]) -> f64 {
+        let squares = |a: Vec<f64>| a.iter().zip(&self.0).map(|(a, w)| w * a * a).sum::<f64>();
+        (1..states.len().saturating_sub(1)).map(|t| squares(acceleration(states, t))).sum()
+    }
+
+    /// Half the gradient of the cost by the steps of all frames but the first `fixed`, `[frames][3 J + 3]`; turns of
+    /// successive frames count as if they were about the same axes, which at a scan's frame rate they nearly are.
+    pub(crate) fn half_gradient(&self, states: &[PoseState], fixed: usize) -> Vec<f64> {
+        let n = self.0.len();
+        let mut gradient = vec![0.0; (states.len() - fixed) * n];
+        for t in 1..states.len().saturating_sub(1) {
+            let a = acceleration(states, t);
+            for (row, x) in parts(t, fixed) {
+                let row = &mut gradient[row * n..(row + 1) * n];
+                row.iter_mut().zip(&self.0).zip(&a).for_each(|((g, w), a)| *g += w * x * a);
+            }
+        }
+        gradient
+    }
+
+    /// Adds half the cost's second derivative.
+    fn add_to(&self, matrix: &mut Banded, frames: usize, fixed: usize) {
+        let n = self.0.len();
+        for t in 1..frames.saturating_sub(1) {
+            for (row, x) in parts(t, fixed) {
+                for (column, y) in parts(t, fixed).filter(|(column, _)| *column <= row) {
+                    for (i, w) in self.0.iter().enumerate() {
+                        *matrix.at(row * n + i, column * n + i) += w * x * y;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The free frames in the second difference round frame `t`, counted from the first of them, and their factors.
+fn parts(t: usize, fixed: usize) -> impl Iterator<Item = (usize, f64)> {
+    [(t - 1, 1.0), (t, -2.0), (t + 1, 1.0)].into_iter().filter_map(move |(f, x)| Some((f.checked_sub(fixed)?, x)))
 }
 
 impl Local {
@@ -168,7 +230,7 @@ fn columns(m: &Mat3A) -> [[f64; 3]; 3] {
 
 impl PoseState {
     /// The pose after a step whose turns are about the axes of each joint's parent.
-    fn turned(&self, step: &[f64]) -> Self {
+    pub(crate) fn turned(&self, step: &[f64]) -> Self {
         let vector = |i: usize| Vec3::new(step[i] as f32, step[i + 1] as f32, step[i + 2] as f32);
         let turn = |(j, q): (usize, &glam::Quat)| (glam::Quat::from_scaled_axis(vector(3 * j)) * *q).normalize();
         let rotations: Vec<glam::Quat> = self.rotations.iter().enumerate().map(turn).collect();
@@ -186,8 +248,7 @@ fn acceleration(states: &[PoseState], t: usize) -> Vec<f64> {
     all
 }
 
-/// The step of all frames but the fixed ones, `[frames][3 J + 3]`; turns of successive frames count as if they were
-/// about the same axes, which at a scan's frame rate they nearly are.
+/// The step of all frames but the first `fixed`, `[frames][3 J + 3]`; `None` if the damped matrix is not positive.
 fn joint_step(
     locals: &[Local],
     states: &[PoseState],
@@ -197,29 +258,18 @@ fn joint_step(
 ) -> Option<Vec<f64>> {
     let n = stiffness.0.len();
     let mut matrix = Banded::zeros(locals.len() * n, 2 * n);
-    let mut right = vec![0.0; locals.len() * n];
+    let mut right = stiffness.half_gradient(states, fixed);
     for (t, local) in locals.iter().enumerate() {
         let mean = (0..n).map(|i| local.hessian[i * n + i]).sum::<f64>() / n as f64;
         for i in 0..n {
-            right[t * n + i] = -local.gradient[i];
+            right[t * n + i] = -(right[t * n + i] + local.gradient[i]);
             for j in 0..=i {
                 *matrix.at(t * n + i, t * n + j) = local.hessian[i * n + j];
             }
             *matrix.at(t * n + i, t * n + i) += damping * local.hessian[i * n + i] + 1e-8 * mean;
         }
     }
-    for t in 1..states.len() - 1 {
-        let a = acceleration(states, t);
-        let parts = [(t - 1, 1.0), (t, -2.0), (t + 1, 1.0)];
-        for (row, x) in parts.iter().filter(|(f, _)| *f >= fixed).map(|(f, x)| (f - fixed, x)) {
-            for i in 0..n {
-                right[row * n + i] -= stiffness.0[i] * x * a[i];
-                for (column, y) in parts.iter().filter(|(f, _)| *f >= fixed && *f - fixed <= row) {
-                    *matrix.at(row * n + i, (column - fixed) * n + i) += stiffness.0[i] * x * y;
-                }
-            }
-        }
-    }
+    stiffness.add_to(&mut matrix, states.len(), fixed);
     let factor = matrix.cholesky()?;
     factor.solve(&mut right);
     right.iter().all(|x| x.is_finite()).then_some(right)
