@@ -29,7 +29,20 @@ folds() {
     [ -e "$out/run/metrics.json" ] || main
     "${softtissue[@]}" eval "$out/run" --protocol leave-one-sequence-out --quiet
 }
-fit() { cargo run --quiet --release -p softtissue-fit --example fit_accuracy; }
+fit() {
+    local accuracy=(cargo run --quiet --release -p softtissue-fit --example fit_accuracy --)
+    local sets=$out/fit-sets still=(--set synth.scanner.drift=0 --set synth.scanner.noise=0)
+    rm -rf "$sets"
+    "${softtissue[@]}" synth --config quick --seed "$seed" --out "$sets/off" --quiet "${still[@]}"
+    "${softtissue[@]}" synth --config quick --seed "$seed" --out "$sets/on" --quiet
+    echo "scanner off:"
+    "${accuracy[@]}" "$sets/off"
+    echo "scanner on:"
+    "${accuracy[@]}" "$sets/on"
+    echo "scanner on, without the first 40 frames of every clip:"
+    "${accuracy[@]}" "$sets/on" from=40
+    rm -rf "$sets"
+}
 speed() { scripts/fit-speed.sh; }
 synth() { scripts/synth-acceptance.sh; }
 bench() { cargo bench --quiet --bench main; }

@@ -56,8 +56,10 @@ fn the_second_solver_of_the_fit_is_reached_by_a_setting() {
     assert!(said.fine().out.contains("8 clips fitted"), "{}", said.out);
     let quality = std::fs::read(dir.join("fit/quality.json")).expect("a file");
     let quality: serde_json::Value = serde_json::from_slice(&quality).expect("JSON");
-    // The start and three iterations, which no other solver spends on every frame.
-    assert!(quality.as_array().expect("clips").iter().all(|clip| clip["evaluations"] == 4.0), "{quality}");
+    // The start and three iterations, which no other solver spends on every frame; then the frames together.
+    let clips = quality.as_array().expect("clips");
+    assert!(clips.iter().all(|clip| clip["evaluations"] == 4.0), "{quality}");
+    assert!(clips.iter().all(|clip| clip["smoothing_evaluations"].as_f64() >= Some(1.0)), "{quality}");
 }
 
 #[test]
