@@ -39,9 +39,13 @@ impl Gate {
         Self { what: what.into(), unit: unit.into(), value, at_least, at_most, met }
     }
 
-    /// The figure with its unit, `–` where it was not measured.
+    /// The figure with its unit, `–` where it was not measured; with more digits where it would read like its limit.
     pub fn found(&self) -> String {
-        self.value.map_or_else(|| "–".into(), |v| number(v) + &self.unit_after())
+        let Some(value) = self.value else { return "–".into() };
+        let limits = [self.at_least, self.at_most];
+        let close = limits.into_iter().flatten().any(|limit| limit != value && number(limit) == number(value));
+        let figure = if close { format!("{value:.4}") } else { number(value) };
+        figure + &self.unit_after()
     }
 
     /// The limits in words.
@@ -219,6 +223,15 @@ mod tests {
         metrics.methods.insert("ar2-subject/dyna".into(), method(0.48, 0.7, 5.0));
         metrics.methods.insert("ar2-subject/dyna/fitted".into(), method(0.10, 0.7, 1.0));
         metrics
+    }
+
+    #[test]
+    fn a_narrow_miss_does_not_read_like_its_limit() {
+        let found = |value| Gate::new("", "mm", Some(value), None, Some(1.0)).found();
+        assert_eq!(found(1.0012), "1.0012 mm");
+        assert_eq!(found(1.0), number(1.0) + " mm");
+        assert_eq!(found(1.2), number(1.2) + " mm");
+        assert_eq!(Gate::new("", "mm", None, None, Some(1.0)).found(), "–");
     }
 
     #[test]

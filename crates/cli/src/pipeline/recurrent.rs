@@ -283,3 +283,108 @@ fn start_of(regressor: &Regressor) -> ShortcutStart {
     let weight = (0..w.cols()).flat_map(|i| (0..w.rows()).map(move |o| w.row(o)[i])).collect();
     ShortcutStart { weight, bias: regressor.shortcut.bias.clone() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use softtissue_bundle::descriptor::FeatureScaling;
+    use softtissue_bundle::{Gru, Recurrent, Resonator};
+    use softtissue_clips::ClipId;
+
+    const FEATURES: usize = 5;
+    const LATENTS: usize = 3;
+
+    /// Numbers between -1 and 1 that do not repeat soon.
+    fn numbers(count: usize, seed: f32) -> Vec<f32> {
+        (0..count).map(|i| ((i as f32 + 1.0) * (1.7 + seed)).sin()).collect()
+    }
+
+    fn scaling(size: usize) -> FeatureScaling {
+        FeatureScaling {
+            input_size: size,
+            kept: (0..size as u32).collect(),
+            lower: vec![-9.0; size],
+            upper: vec![9.0; size],
+            scale: vec![1.0; size],
+        }
+    }
+
+    fn readout() -> Regressor {
+        let bank = ResonatorBank::new(vec![Resonator { frequency: 3.0, damping: 0.2 }], 4, 60.0);
+        let memory = bank.outputs() + FEATURES;
+        let columns = 2 * memory + 2;
+        Regressor {
+            input: scaling(FEATURES),
+            shape: scaling(2),
+            shape_terms: vec![vec![0, 1], vec![]],
+            bank: Some(bank),
+            direct: true,
+            shortcut: Linear {
+                weight: Matrix::new(LATENTS, columns, numbers(LATENTS * columns, 0.1)),
+                bias: numbers(LATENTS, 0.2),
+            },
+            recurrent: None,
+        }
+    }
+
+    fn network() -> Regressor {
+        let (width, inputs) = (4, FEATURES + 2);
+        let matrix = |rows: usize, cols: usize, seed| Matrix::new(rows, cols, numbers(rows * cols, seed));
+        let gru = Gru {
+            w_ih: matrix(3 * width, inputs, 0.3),
+            w_hh: matrix(3 * width, width, 0.4),
+            b_ih: numbers(3 * width, 0.5),
+            b_hh: numbers(3 * width, 0.6),
+        };
+        Regressor {
+            shape_terms: vec![vec![]],
+            bank: None,
+            shortcut: Linear { weight: matrix(LATENTS, inputs, 0.7), bias: numbers(LATENTS, 0.8) },
+            recurrent: Some(Recurrent {
+                gru,
+                readout: Linear { weight: matrix(LATENTS, width, 0.9), bias: numbers(LATENTS, 1.0) },
+            }),
+            ..readout()
+        }
+    }
+
+    #[test]
+    fn the_mixture_is_the_sum_of_its_parts_frame_by_frame() {
+        let clip = TrainingClip {
+            id: ClipId::new("a", "b", 0),
+            beta: vec![0.3, -0.8],
+            features: numbers(20 * FEATURES, 1.1),
+            coefficients: vec![0.0; 20 * LATENTS],
+            frames: 20,
+        };
+        let (readout, network, mix) = (readout(), network(), Mix { share: 0.35, gain: 1.2 });
+        let parts = [vec![rollout(&readout, &clip)], vec![rollout(&network, &clip)]];
+        let found = rollout(&mixed(&readout, &network, mix), &clip);
+        let wanted = &mix.latents(&parts)[0];
+        assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?} {wanted:?}");
+        assert!(found.iter().zip(&parts[0][0]).any(|(a, b)| (a - b).abs() > 0.1), "the network has its part");
+    }
+
+    /// What a prediction scores that is best at a share of 0.4, too still by a fifth, and worse by the gain's square.
+    fn judge(mix: Mix) -> Score {
+        let off = f64::from(mix.share - 0.4).abs() + f64::from(mix.gain - 1.0).powi(2);
+        Score {
+            error: 0.5 + off,
+            body_alone: 1.0,
+            predicted_motion: (0.79 * f64::from(mix.gain)).powi(2),
+            true_motion: 1.0,
+        }
+    }
+
+    #[test]
+    fn share_and_gain_are_those_that_validation_allows() {
+        let (mix, ratio) = best_mix(&judge, 0.04);
+        assert!((mix.share - 0.4).abs() < 1e-6);
+        // 0.14^2 is just within 4 % of 0.5; gains are tried in steps of 0.025
+        assert!((mix.gain - 1.125).abs() < 1e-6, "{mix:?}");
+        assert!((ratio - judge(mix).ratio()).abs() < 1e-12);
+        assert_eq!(best_mix(&judge, 0.0).0.gain, 1.0);
+        // however much may be given, it does not move more than the scans do
+        assert!((best_mix(&judge, 10.0).0.gain - 1.25).abs() < 1e-6);
+    }
+}

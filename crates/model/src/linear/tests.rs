@@ -188,3 +188,71 @@ fn strengths_out_of_range_are_refused() {
     assert!(fit(&ReadoutConfig { frequencies_hz: vec![40.0], ..Default::default() }).is_err());
     assert!(fit(&ReadoutConfig { strengths: vec![], ..Default::default() }).is_err());
 }
+
+/// Three features, two coefficients that are linear in them, and what drifts slowly on top, metres.
+fn drifting(take: u32, drift: f32) -> TrainingClip {
+    const FRAMES: usize = 120;
+    let mut draws = Draws::new(5, "drift", 0, u64::from(take));
+    let (mut features, mut coefficients, mut slow) = (vec![], vec![], [0.0f32; 2]);
+    for t in 0..FRAMES {
+        let wave = |hz: f32| (TAU * hz * t as f32 / 60.0 + take as f32).sin();
+        // as slow as the drift, and faster than it
+        let x: Vec<f32> = (0..3).map(|k| wave(0.3 + 0.2 * k as f32) + 0.7 * wave(4.0 + k as f32)).collect();
+        slow.iter_mut().for_each(|s| *s = 0.98 * *s + drift * draws.normal() as f32);
+        coefficients.extend([0.01 * x[0] - 0.02 * x[2] + slow[0], 0.02 * x[1] + 0.003 + slow[1]]);
+        features.extend(x);
+    }
+    TrainingClip { id: ClipId::new("a", "m", take), beta: vec![], features, coefficients, frames: FRAMES }
+}
+
+fn two_coefficients() -> DeltaBasis {
+    let directions =
+        (0..2 * 3 * VERTICES).map(|i| if (i < 3 * VERTICES) == (i % 2 == 0) { 0.3 } else { 0.0 }).collect();
+    DeltaBasis {
+        mean: vec![0.0; 3 * VERTICES],
+        directions: softtissue_bundle::Matrix::new(2, 3 * VERTICES, directions),
+        coefficient_mean: vec![0.0; 2],
+    }
+}
+
+#[test]
+fn whitening_sees_through_drift_and_leaves_the_exact_exact() {
+    let blocks = softtissue_bundle::descriptor::FeatureBlock::in_a_row(&[("x", 3)]);
+    let score = SoftScore::new(&two_coefficients(), &body());
+    let truth = [[0.01, 0.0, -0.02], [0.0, 0.02, 0.0]];
+    // of the slopes: a constant is no clearer for being whitened
+    let error = |drift: f32, whitening: f32| {
+        let config = ReadoutConfig {
+            shape_terms: vec![vec![]],
+            strengths: vec![1e-9],
+            whitening,
+            ..ReadoutConfig::static_ridge()
+        };
+        let clips: Vec<TrainingClip> = (0..8).map(|take| drifting(take, drift)).collect();
+        let model = fit_readout(&config, &blocks, 60.0, &clips, &[], &score).unwrap().model;
+        let slope = |o: usize, i: usize| model.shortcut.weight.row(o)[i] * model.input.scale[i];
+        let squares =
+            (0..2).flat_map(|o| (0..3).map(move |i| (o, i))).map(|(o, i)| (slope(o, i) - truth[o][i]).powi(2));
+        squares.sum::<f32>().sqrt()
+    };
+    assert!(error(0.0, 0.0) < 1e-5 && error(0.0, 0.8) < 1e-5, "{} {}", error(0.0, 0.0), error(0.0, 0.8));
+    let (plain, whitened) = (error(0.002, 0.0), error(0.002, 0.95));
+    assert!(whitened < 0.5 * plain, "{whitened} of {plain}");
+    let clean = [drifting(9, 0.0)];
+    let config = ReadoutConfig { whitening: 1.0, ..ReadoutConfig::static_ridge() };
+    assert!(fit_readout(&config, &blocks, 60.0, &clean, &[], &score).is_err());
+}
+
+#[test]
+fn the_strongest_ridge_that_is_as_good_as_the_best_is_chosen() {
+    let score = |error: f64| vec![Score { error, body_alone: 1.0, ..Score::default() }];
+    let errors = [(1e-4, 0.501), (1e-3, 0.5), (1e-2, 0.509), (1e-1, 0.52)];
+    let strengths = errors.map(|(s, _)| s);
+    let chosen = readout::select(&strengths, |s| {
+        let error = errors.iter().find(|e| e.0 == s).unwrap().1;
+        Ok((s, score(error)))
+    });
+    assert_eq!(chosen.unwrap().1, 1e-2);
+    // without a clip to judge by, the first
+    assert_eq!(readout::select(&strengths, |s| Ok((s, vec![]))).unwrap().1, 1e-4);
+}
