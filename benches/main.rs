@@ -5,7 +5,7 @@
 //! cargo bench -- skinning
 //! ```
 //!
-//! The plain ways are written here. Each is checked to give the same numbers before it is timed.
+//! The plain ways are written here; skinning and decoding are checked to give the same numbers before they are timed.
 
 mod fit;
 mod networks;

@@ -26,7 +26,7 @@ main() {
     echo "every figure: $out/run/metrics.json, as tables and charts: $out/run/report/index.html"
 }
 folds() {
-    [ -e "$out/run/metrics.json" ] || main
+    if [ ! -e "$out/run/metrics.json" ]; then main; fi
     "${softtissue[@]}" eval "$out/run" --protocol leave-one-sequence-out --quiet
 }
 fit() {

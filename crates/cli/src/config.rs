@@ -59,7 +59,7 @@ pub struct SubspaceConfig {
 pub enum ShortcutKind {
     /// A linear layer on the regressor's input, trained along: the published form.
     Linear,
-    /// A ridge readout of damped resonators, which stays as it is; the network learns what it leaves.
+    /// A ridge readout of damped resonators; the network learns the whole apart from it, and validation mixes the two.
     Resonators,
 }
 
@@ -190,6 +190,14 @@ impl Config {
             if !(rate.is_finite() && rate > 0.0 && rate <= 1.0) {
                 return Err(format!("{key} is {rate}; write a number above 0 and at most 1"));
             }
+        }
+        within("ladder.resonators.whitening", f64::from(ladder.resonators.whitening), 0.0..=0.99)?;
+        for (key, factor) in [
+            ("position", gru.terms.position),
+            ("velocity", gru.terms.velocity),
+            ("acceleration", gru.terms.acceleration),
+        ] {
+            within(&format!("regressor.training.terms.{key}"), factor, 0.0..=1e6)?;
         }
         within("regressor.given_for_motion", regressor.given_for_motion, 0.0..=1.0)?;
         within("subspace.training.dropout", ae.dropout, 0.0..=0.99)?;

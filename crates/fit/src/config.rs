@@ -146,14 +146,17 @@ impl FitConfig {
         let not_negative = [
             ("shape_prior", self.shape_prior),
             ("smoothness", self.smoothness),
-            ("limb_hz", self.limb_hz),
-            ("trunk_hz", self.trunk_hz),
             ("pose_prior", self.pose_prior),
             ("least_gain", self.least_gain),
         ];
         for (field, value) in not_negative {
             if !(value.is_finite() && value >= 0.0) {
                 return Err(FitError::Config { field, value: value.to_string(), remedy: "write 0 or more" });
+            }
+        }
+        for (field, hz) in [("limb_hz", self.limb_hz), ("trunk_hz", self.trunk_hz)] {
+            if hz != 0.0 && !(1.0..=1e4).contains(&hz) {
+                return Err(FitError::Config { field, value: hz.to_string(), remedy: "write 0, or 1 to 10000" });
             }
         }
         let positive = [

@@ -13,7 +13,8 @@
 //! - Two weights: `fit_weight` is high on rigid parts and steers the pose fit; `rigidity_weight` (Casas-Otaduy eq. 7)
 //!   is high on flesh in spite of its name and weighs losses later.
 //!
-//! Nothing of a left-out clip reaches another clip.
+//! Nothing of a left-out clip reaches a clip of a subject that trains; a subject without training clips is known from
+//! the starts of its own.
 
 mod accumulate;
 mod accuracy;

@@ -16,7 +16,7 @@ pub use autoencoder::{Autoencoder, AutoencoderConfig, Decoder, Dropout, Encoder,
 pub use error::ModelError;
 pub use gru::{Gru, GruFrame, GruRollout};
 pub use layer::host;
-pub use pca::{DeltaSource, FrameSource, Pca, PcaConfig, coefficients_of, deltas_of, truncated};
+pub use pca::{FrameSource, Pca, PcaConfig, coefficients_of, deltas_of, truncated};
 pub use predictor::Predictor;
 pub use regressor::{Regressor, RegressorConfig, ShortcutStart};
 pub use training_clip::TrainingClip;

@@ -7,7 +7,6 @@ use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use softtissue_bundle::{DeltaBasis, Matrix};
-use softtissue_clips::{ClipId, FitSet};
 use softtissue_geometry::Frames;
 use softtissue_monitor::Monitor;
 use softtissue_random::Draws;
@@ -20,26 +19,6 @@ pub trait FrameSource {
     fn chunk_count(&self) -> usize;
     /// Chunk `i`: `[n, W]`, frame after frame.
     fn chunk(&self, i: usize) -> Result<Vec<f32>, ModelError>;
-}
-
-/// Delta clips of a fit, read from disk one by one.
-pub struct DeltaSource<'a> {
-    /// Where they lie.
-    pub set: &'a FitSet,
-    /// Which of them.
-    pub clips: &'a [ClipId],
-}
-
-impl FrameSource for DeltaSource<'_> {
-    fn width(&self) -> usize {
-        3 * self.set.vertex_count()
-    }
-    fn chunk_count(&self) -> usize {
-        self.clips.len()
-    }
-    fn chunk(&self, i: usize) -> Result<Vec<f32>, ModelError> {
-        Ok(self.set.deltas(&self.clips[i])?.deltas.to_numbers())
-    }
 }
 
 impl FrameSource for [Frames] {

@@ -250,7 +250,8 @@ impl MotionSequence {
         match fits {
             true => Ok(()),
             false => Err(TrainError::Numeric(format!(
-                "regressor: a clip with {} inputs of {}, {} shortcut numbers and {} coefficients does not fit {inputs},                  {shortcut} and {components} a frame",
+                "regressor: a clip with {} inputs of {}, {} shortcut numbers and {} coefficients does not fit {inputs}, \
+                 {shortcut} and {components} a frame",
                 self.input.len(),
                 self.input_width,
                 self.shortcut.len(),

@@ -2,7 +2,7 @@
 
 use super::body::{KeptBody, load_body};
 use super::context::{Context, Place, fingerprint};
-use super::scans::{Scans, fit_scans, import_or_open, make_scans};
+use super::scans::{FIT, Scans, fit_scans, import_or_open, make_scans};
 use crate::exit::UsageError;
 use anyhow::Result;
 use serde_json::json;
@@ -72,6 +72,9 @@ pub fn prepare(context: &Context, opened: Opened) -> Result<Prepared> {
     fold(context, body, scans, split, String::new())
 }
 
+/// Raised whenever the same fit and settings would give another model, so that a kept stage is not mistaken.
+const LEARNED: u32 = 2;
+
 /// The same scans with another split; `prefix` names the fold's stages.
 pub fn fold(context: &Context, kept: Arc<KeptBody>, scans: Scans, split: Split, prefix: String) -> Result<Prepared> {
     let config = context.config;
@@ -80,6 +83,7 @@ pub fn fold(context: &Context, kept: Arc<KeptBody>, scans: Scans, split: Split, 
     let fit = context
         .timed(&place.stage("fit"), || fit_scans(config, &scans, &kept, &split, &context.data_dir, context.monitor))?;
     place.fingerprint = fingerprint(&(
+        (env!("CARGO_PKG_VERSION"), FIT, LEARNED),
         (&scans.fingerprint, &kept.sha256),
         &split.train,
         &split.validation,

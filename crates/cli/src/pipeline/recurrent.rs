@@ -198,7 +198,7 @@ fn mixed(readout: &Regressor, network: &Regressor, mix: Mix) -> Regressor {
     for (b, x) in mixture.shortcut.bias.iter_mut().zip(&network.shortcut.bias) {
         *b = theirs * *b + own * x;
     }
-    mixture.recurrent.clone_from(&network.recurrent);
+    mixture.recurrent = if own > 0.0 { network.recurrent.clone() } else { None };
     if let Some(recurrent) = &mut mixture.recurrent {
         recurrent.readout.weight.data_mut().iter_mut().for_each(|w| *w *= own);
         recurrent.readout.bias.iter_mut().for_each(|b| *b *= own);
@@ -226,7 +226,10 @@ fn in_latents(subspace: &Subspace, clips: &[TrainingClip]) -> Vec<TrainingClip> 
 fn fit_shortcut(context: &Context, inputs: &RegressorInputs, clips: &[TrainingClip]) -> Result<Regressor> {
     let readout = match context.config.regressor.shortcut {
         ShortcutKind::Resonators => context.config.ladder.resonators.clone(),
-        ShortcutKind::Linear => ReadoutConfig { shape_terms: vec![vec![]], ..ReadoutConfig::static_ridge() },
+        ShortcutKind::Linear => {
+            let ladder = context.config.ladder.resonators.clone();
+            ReadoutConfig { frequencies_hz: vec![], shape_terms: vec![vec![]], ..ladder }
+        }
     };
     let readout = ReadoutConfig { strengths: vec![inputs.strength], ..readout };
     // One strength leaves nothing to select, so the score only has to have the latents' length.
