@@ -55,26 +55,36 @@ pub fn learn_regressor(context: &Context, place: &Place, inputs: RegressorInputs
     let (network, best_step, best_mm) = train_network(context, place, &inputs, &readout)?;
     let score = SoftScore::new(&inputs.subspace.basis, inputs.body);
     let validation = &inputs.clips.validation;
-    let (regressor, without_gru, without_shortcut, mix, soft_ratio) = match context.config.regressor.shortcut {
+    let judged = |latents: &[Vec<f32>]| judged(inputs.subspace, &score, validation, latents);
+    Ok(match context.config.regressor.shortcut {
         ShortcutKind::Linear => {
             let mut without_gru = network.clone();
             without_gru.recurrent = None;
             let mut without_shortcut = network.clone();
             without_shortcut.shortcut.weight.data_mut().fill(0.0);
-            let judged = judged(inputs.subspace, &score, validation, &rollouts(&network, validation));
-            (network, without_gru, without_shortcut, Mix { share: 1.0, gain: 1.0 }, judged.ratio())
+            let soft_ratio = judged(&rollouts(&network, validation)).ratio();
+            let regressor = network;
+            let (share, gain) = (1.0, 1.0);
+            LearnedRegressor { regressor, without_gru, without_shortcut, share, gain, soft_ratio, best_step, best_mm }
         }
         ShortcutKind::Resonators => {
             let latents = [rollouts(&readout, validation), rollouts(&network, validation)];
-            let judge = |mix: Mix| judged(inputs.subspace, &score, validation, &mix.latents(&latents));
+            let judge = |mix: Mix| judged(&mix.latents(&latents));
             let given = context.config.regressor.given_for_motion;
-            let (mix, ratio) = best_mix(&judge, given);
+            let (mix, soft_ratio) = best_mix(&judge, given);
             let alone = |share: f32| mixed(&readout, &network, livelier(&judge, share, given).0);
-            (mixed(&readout, &network, mix), alone(0.0), alone(1.0), mix, ratio)
+            LearnedRegressor {
+                regressor: mixed(&readout, &network, mix),
+                without_gru: alone(0.0),
+                without_shortcut: alone(1.0),
+                share: mix.share,
+                gain: mix.gain,
+                soft_ratio,
+                best_step,
+                best_mm,
+            }
         }
-    };
-    let Mix { share, gain } = mix;
-    Ok(LearnedRegressor { regressor, without_gru, without_shortcut, share, gain, soft_ratio, best_step, best_mm })
+    })
 }
 
 /// The recurrent unit with a linear layer around it (SoftSMPL sec. 5), as a regressor of its own. Beside resonators it
