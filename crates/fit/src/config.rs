@@ -84,9 +84,12 @@ pub struct FitConfig {
     /// limb's joint that the surface sees with all that hangs on it is low-passed, without lag, at about this many Hz, a
     /// joint that it sees less at fewer. 0: accelerations of limbs are free. Default 50.
     pub limb_hz: f64,
-    /// The same for the root, spine, neck and collars. They move slowly, and what swings fast in them is flesh that the
-    /// pose took up. Default 17. With both 0 the clip is left as it was solved frame by frame.
+    /// The same for spine, neck and collars. They move slowly, and what swings fast in them is flesh that the pose took
+    /// up. Default 17.
     pub trunk_hz: f64,
+    /// The same for the root's turn and place. With all three 0 the clip is left as it was solved frame by frame.
+    /// Default 24.
+    pub root_hz: f64,
     /// A frame is solved when the next step turns every joint by less than this, radians, and moves the root by less,
     /// metres. Default 5e-4.
     pub tolerance: f64,
@@ -118,6 +121,7 @@ impl Default for FitConfig {
             smoothness: 2e-6,
             limb_hz: 50.0,
             trunk_hz: 17.0,
+            root_hz: 24.0,
             tolerance: 5e-4,
             least_gain: 5e-4,
             max_iterations: 30,
@@ -128,6 +132,11 @@ impl Default for FitConfig {
 }
 
 impl FitConfig {
+    /// Whether the frames of a clip are solved together after they were solved one by one.
+    pub fn solves_together(&self) -> bool {
+        [self.limb_hz, self.trunk_hz, self.root_hz].iter().any(|hz| *hz != 0.0)
+    }
+
     /// Refuses values that no fit can be made with.
     pub fn check(&self) -> Result<()> {
         let at_least_one = [
@@ -154,7 +163,7 @@ impl FitConfig {
                 return Err(FitError::Config { field, value: value.to_string(), remedy: "write 0 or more" });
             }
         }
-        for (field, hz) in [("limb_hz", self.limb_hz), ("trunk_hz", self.trunk_hz)] {
+        for (field, hz) in [("limb_hz", self.limb_hz), ("trunk_hz", self.trunk_hz), ("root_hz", self.root_hz)] {
             if hz != 0.0 && !(1.0..=1e4).contains(&hz) {
                 return Err(FitError::Config { field, value: hz.to_string(), remedy: "write 0, or 1 to 10000" });
             }

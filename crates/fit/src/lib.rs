@@ -5,7 +5,7 @@
 //!   chain once a frame, so its cost does not grow with the skeleton's depth.
 //!   Weak priors share out what the surface hardly tells.
 //! - A second pass solves all frames of a clip together, with a cost on the squared accelerations of the joints
-//!   (`fit.limb_hz`, `fit.trunk_hz`): what swings fast through joints that the surface hardly sees, the trunk's above
+//!   (`fit.limb_hz`, `fit.trunk_hz`, `fit.root_hz`): what swings fast through joints that the surface hardly sees, the trunk's above
 //!   all, is flesh, and stays in the deltas.
 //! - Another solver of the poses can stand in for this crate's through [`PoseSolver`], by [`fit_set_with`].
 //! - Shape: from the first frames of a subject's training clips, poses free.

@@ -25,7 +25,7 @@ pub struct ClipQuality {
     pub distance_mm: f64,
     /// Mean trips over the vertices a frame while frames were solved one by one.
     pub evaluations: f64,
-    /// The same while they were solved together; 0 where `fit.limb_hz` and `fit.trunk_hz` are 0.
+    /// The same while they were solved together; 0 where they were not.
     pub smoothing_evaluations: f64,
     /// Vertices, summed over frames, that the pose folds; their deltas are their neighbours' mean.
     pub folded: usize,

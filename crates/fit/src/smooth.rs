@@ -63,7 +63,7 @@ impl Objective {
     ) -> Result<usize> {
         let frames = fitted.states.len();
         assert_eq!(frames, scan.vertices.len(), "frames of a motion and its scan");
-        if frames < 3 || (config.limb_hz == 0.0 && config.trunk_hz == 0.0) {
+        if frames < 3 || !config.solves_together() {
             return Ok(0);
         }
         let stiffness = self.stiffness(config, f64::from(scan.fps));
@@ -86,10 +86,15 @@ impl Objective {
     /// distance that the motion makes of all that hangs on the joint.
     pub(crate) fn stiffness(&self, config: &FitConfig, fps: f64) -> Stiffness {
         let of = |hz: f64| if hz > 0.0 { (fps / (std::f64::consts::TAU * hz)).powi(4) } else { 0.0 };
-        let (limb, trunk) = (of(config.limb_hz), of(config.trunk_hz));
-        let joint = |(h, in_trunk): (f64, &bool)| [h * if *in_trunk { trunk } else { limb }; 3];
-        let mut cost: Vec<f64> = self.inertia().into_iter().zip(&self.body.packed.trunk).flat_map(joint).collect();
-        cost.extend([trunk; 3]);
+        let (limb, trunk, root) = (of(config.limb_hz), of(config.trunk_hz), of(config.root_hz));
+        let group = |(j, in_trunk): (usize, &bool)| match (j, in_trunk) {
+            (0, _) => root,
+            (_, true) => trunk,
+            (_, false) => limb,
+        };
+        let groups = self.body.packed.trunk.iter().enumerate().map(group);
+        let mut cost: Vec<f64> = self.inertia().into_iter().zip(groups).flat_map(|(h, g)| [h * g; 3]).collect();
+        cost.extend([root; 3]);
         Stiffness(cost)
     }
 

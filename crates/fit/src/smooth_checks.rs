@@ -209,7 +209,7 @@ fn the_solve_lowers_the_objective_of_the_clip() {
 #[test]
 fn free_accelerations_leave_the_motion_as_it_was() {
     let clip = Clip::new(6, 0.01, 5e-4);
-    let free = FitConfig { limb_hz: 0.0, trunk_hz: 0.0, ..Default::default() };
+    let free = FitConfig { limb_hz: 0.0, trunk_hz: 0.0, root_hz: 0.0, ..Default::default() };
     let objective = clip.objective(&free);
     let fitted = clip.fitted(&objective, &free);
     let mut after = fitted.clone();

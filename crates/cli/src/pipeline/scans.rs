@@ -189,7 +189,7 @@ fn check_set(set: &ScanSet, config: &Config, topology: &Topology) -> Result<()> 
 }
 
 /// Raised whenever the same scans, body and settings would give another fit, so that a kept one is not mistaken.
-pub const FIT: u32 = 3;
+pub const FIT: u32 = 4;
 
 /// Fits all clips of a split, or finds the fit in the cache.
 pub fn fit_scans(

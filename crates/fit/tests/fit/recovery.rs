@@ -29,6 +29,7 @@ fn clean_scans_that_start_in_mid_motion_give_shape_and_pose_back() {
         smoothness: 0.0,
         limb_hz: 0.0,
         trunk_hz: 0.0,
+        root_hz: 0.0,
         subject_template: false,
         tolerance: 1e-4,
         ..Default::default()
@@ -77,7 +78,7 @@ fn scan_deltas_follow_the_true_ones() {
     // The figure starts within one frame, and its root accelerates by 0.6 degrees a frame squared where people's do by
     // 0.14: what holds a person's trunk would hold its motion (1.5 mm and 1.05 degrees; with a person's motion there is
     // no difference). That solve has its own tests, with a person's motion.
-    let free = FitConfig { smoothness: 0.0, limb_hz: 0.0, trunk_hz: 0.0, ..Default::default() };
+    let free = FitConfig { smoothness: 0.0, limb_hz: 0.0, trunk_hz: 0.0, root_hz: 0.0, ..Default::default() };
     let (with_template, degrees) = error(&free, "with");
     let (without, _) = error(&FitConfig { subject_template: false, ..free }, "without");
     println!(
