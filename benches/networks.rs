@@ -6,7 +6,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use divan::{Bencher, black_box};
 use glam::Vec3;
 use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig, FeatureScaling};
-use softtissue_bundle::{Bundle, BundleInfo, DeltaBasis, Matrix, Player, SelfCheck, Subspace};
+use softtissue_bundle::{Bundle, BundleInfo, DeltaBasis, Matrix, Model, Player, RecurrentModel, SelfCheck, Subspace};
 use softtissue_model::{Autoencoder, AutoencoderConfig, Regressor, RegressorConfig, ShortcutStart, host};
 use softtissue_random::Draws;
 use softtissue_train::device;
@@ -68,9 +68,15 @@ impl Model {
             ..Default::default()
         };
         let info = BundleInfo { largest_delta_m: 1.0, ..Default::default() };
-        let bundle = Bundle { info, body, descriptor, regressor: plain, subspace, self_check: SelfCheck::default() };
+        let plain = Model::Recurrent(RecurrentModel { regressor: plain, subspace });
+        let bundle = Bundle { info, body, descriptor, model: plain, self_check: SelfCheck::default() };
         let directions = tensor(directions, [COMPONENTS, width], &device);
         Self { bundle, autoencoder, regressor, directions, device }
+    }
+
+    /// The same without burn.
+    fn plain(&self) -> &RecurrentModel {
+        self.bundle.model.recurrent().expect("a recurrent model")
     }
 
     /// Deltas of a latent `[1, L]`, in units of the scale.
@@ -105,7 +111,7 @@ fn player_step(bencher: Bencher) {
 #[divan::bench]
 fn player_step_in_burn(bencher: Bencher) {
     let model = Model::new();
-    let inputs = model.bundle.regressor.feature_count() + SHAPES;
+    let inputs = model.plain().regressor.feature_count() + SHAPES;
     let mut draws = Draws::new(2, "bench input", 0, 0);
     let input = tensor(numbers(&mut draws, inputs, 1.0), [1, 1, inputs], &model.device);
     let mut state = Tensor::<2>::zeros([1, model.regressor.gru.width()], &model.device);
@@ -120,7 +126,7 @@ fn player_step_in_burn(bencher: Bencher) {
 fn decoded(model: &Model) -> (Vec<f32>, Vec<f32>) {
     let latent = numbers(&mut Draws::new(3, "bench latent", 0, 0), LATENTS, 0.01);
     let mut delta = vec![0.0; 3 * model.bundle.body.vertex_count()];
-    model.bundle.subspace.decode(&latent, &mut delta, &mut model.bundle.subspace.scratch());
+    model.plain().subspace.decode(&latent, &mut delta, &mut model.plain().subspace.scratch());
     (latent, delta)
 }
 
@@ -128,8 +134,8 @@ fn decoded(model: &Model) -> (Vec<f32>, Vec<f32>) {
 fn subspace_decode(bencher: Bencher) {
     let model = Model::new();
     let (latent, mut delta) = decoded(&model);
-    let mut scratch = model.bundle.subspace.scratch();
-    bencher.bench_local(|| model.bundle.subspace.decode(black_box(&latent), &mut delta, &mut scratch));
+    let mut scratch = model.plain().subspace.scratch();
+    bencher.bench_local(|| model.plain().subspace.decode(black_box(&latent), &mut delta, &mut scratch));
 }
 
 #[divan::bench]

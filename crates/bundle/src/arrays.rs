@@ -1,8 +1,8 @@
 use crate::descriptor::FeatureScaling;
-use crate::manifest::NetworkForm;
+use crate::manifest::{ModelForm, RecurrentForm};
 use crate::{
-    BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Recurrent, Regressor, ResidualUnit, ResonatorBank,
-    Result, SelfCheck, Subspace,
+    BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model, Recurrent, RecurrentModel, Regressor,
+    ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace,
 };
 use softtissue_geometry::Frames;
 use softtissue_store::{Limits, TensorFile, TensorFileWriter};
@@ -20,37 +20,16 @@ const MOST_RESONATORS: usize = 1 << 10;
 
 /// The arrays of a bundle, in `model.safetensors`.
 pub(crate) struct Arrays {
-    pub(crate) regressor: Regressor,
-    pub(crate) subspace: Subspace,
+    pub(crate) model: Model,
     pub(crate) self_check: SelfCheck,
 }
 
 /// Gives every array of a bundle its name and shape. The error names an array that is not finite.
-pub(crate) fn collect<'a>(
-    regressor: &'a Regressor,
-    subspace: &'a Subspace,
-    check: &'a SelfCheck,
-) -> std::result::Result<TensorFileWriter<'a>, String> {
+pub(crate) fn collect<'a>(model: &'a Model, check: &'a SelfCheck) -> std::result::Result<TensorFileWriter<'a>, String> {
     let mut writer = Writer { file: TensorFileWriter::new(), problem: None };
     writer.file.meta("kind", "softtissue-bundle");
-    let DeltaBasis { mean, directions, coefficient_mean } = &subspace.basis;
-    let v = mean.len() / 3;
-    writer.numbers("basis.mean", &[v, 3], mean);
-    writer.numbers("basis.directions", &[directions.rows(), v, 3], directions.data());
-    writer.vector("basis.coefficient_mean", coefficient_mean);
-    writer.units("encoder", &subspace.encoder.units);
-    writer.linear("encoder.project", &subspace.encoder.project);
-    writer.linear("decoder.lift", &subspace.decoder.lift);
-    writer.units("decoder", &subspace.decoder.units);
-    writer.scaling("regressor.input", &regressor.input);
-    writer.scaling("regressor.shape", &regressor.shape);
-    writer.linear("regressor.shortcut", &regressor.shortcut);
-    if let Some(Recurrent { gru, readout }) = &regressor.recurrent {
-        writer.matrix("regressor.gru.w_ih", &gru.w_ih);
-        writer.matrix("regressor.gru.w_hh", &gru.w_hh);
-        writer.vector("regressor.gru.b_ih", &gru.b_ih);
-        writer.vector("regressor.gru.b_hh", &gru.b_hh);
-        writer.linear("regressor.readout", readout);
+    match model {
+        Model::Recurrent(model) => writer.recurrent(model),
     }
     let (t, j, c) = (check.translations.len(), check.rotations.points_per_frame(), check.vertices.len());
     writer.vector("check.beta", &check.beta);
@@ -67,6 +46,27 @@ struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
+    fn recurrent(&mut self, RecurrentModel { regressor, subspace }: &'a RecurrentModel) {
+        let DeltaBasis { mean, directions, coefficient_mean } = &subspace.basis;
+        let v = mean.len() / 3;
+        self.numbers("basis.mean", &[v, 3], mean);
+        self.numbers("basis.directions", &[directions.rows(), v, 3], directions.data());
+        self.vector("basis.coefficient_mean", coefficient_mean);
+        self.units("encoder", &subspace.encoder.units);
+        self.linear("encoder.project", &subspace.encoder.project);
+        self.linear("decoder.lift", &subspace.decoder.lift);
+        self.units("decoder", &subspace.decoder.units);
+        self.scaling("regressor.input", &regressor.input);
+        self.scaling("regressor.shape", &regressor.shape);
+        self.linear("regressor.shortcut", &regressor.shortcut);
+        if let Some(Recurrent { gru, readout }) = &regressor.recurrent {
+            self.matrix("regressor.gru.w_ih", &gru.w_ih);
+            self.matrix("regressor.gru.w_hh", &gru.w_hh);
+            self.vector("regressor.gru.b_ih", &gru.b_ih);
+            self.vector("regressor.gru.b_hh", &gru.b_hh);
+            self.linear("regressor.readout", readout);
+        }
+    }
     fn numbers(&mut self, name: &str, shape: &[usize], numbers: &'a [f32]) {
         if let Some(i) = numbers.iter().position(|x| !x.is_finite()) {
             self.problem = Some(format!("{name} holds {} at place {i}; train again", numbers[i]));
@@ -99,21 +99,13 @@ impl<'a> Writer<'a> {
 
 /// Reads all arrays: every one that the manifest asks for, finite, and none besides. Sizes are checked against each
 /// other by the bundle.
-pub(crate) fn read(path: &Path, form: &NetworkForm, fps: f32) -> Result<Arrays> {
+pub(crate) fn read(path: &Path, form: &ModelForm, fps: f32) -> Result<Arrays> {
     let file = TensorFile::open_limited(path, LIMITS)?;
     let reader = Reader { file: &file, read: RefCell::default() };
-    let units = form.encoder_units.saturating_add(form.decoder_units);
-    if units > LIMITS.tensors {
-        return Err(BundleError::refused(
-            path,
-            format!("the manifest asks for {units} residual units; export the bundle again"),
-        ));
-    }
-    let arrays = Arrays {
-        subspace: reader.subspace(form)?,
-        regressor: reader.regressor(form, fps)?,
-        self_check: reader.self_check()?,
+    let model = match form {
+        ModelForm::Recurrent(form) => Model::Recurrent(reader.recurrent(form, fps)?),
     };
+    let arrays = Arrays { model, self_check: reader.self_check()? };
     match file.names().find(|name| !reader.read.borrow().contains(*name)) {
         Some(name) => {
             Err(BundleError::refused(path, format!("it holds an unknown array {name:?}; export the bundle again")))
@@ -128,7 +120,15 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn subspace(&self, form: &NetworkForm) -> Result<Subspace> {
+    fn recurrent(&self, form: &RecurrentForm, fps: f32) -> Result<RecurrentModel> {
+        let units = form.encoder_units.saturating_add(form.decoder_units);
+        if units > LIMITS.tensors {
+            return Err(self.refused(&format!("the manifest asks for {units} residual units; export the bundle again")));
+        }
+        Ok(RecurrentModel { subspace: self.subspace(form)?, regressor: self.regressor(form, fps)? })
+    }
+
+    fn subspace(&self, form: &RecurrentForm) -> Result<Subspace> {
         let [k, v, _] = self.shape("basis.directions")?;
         let basis = DeltaBasis {
             mean: self.numbers("basis.mean", &[v, 3])?,
@@ -141,7 +141,7 @@ impl Reader<'_> {
         Ok(Subspace { basis, encoder, decoder })
     }
 
-    fn regressor(&self, form: &NetworkForm, fps: f32) -> Result<Regressor> {
+    fn regressor(&self, form: &RecurrentForm, fps: f32) -> Result<Regressor> {
         let bank = match &form.bank {
             Some(bank) => {
                 if bank.channels > MOST_CHANNELS || bank.resonators.len() > MOST_RESONATORS {

@@ -1,5 +1,6 @@
 use crate::descriptor::DescriptorConfig;
-use crate::{Player, Regressor, Subspace};
+use crate::model::fits;
+use crate::{Model, Player};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use softtissue_body::BodyModel;
@@ -14,10 +15,8 @@ pub struct Bundle {
     pub body: BodyModel,
     /// From poses to features.
     pub descriptor: DescriptorConfig,
-    /// From features to latent. Its limits are those of the training data.
-    pub regressor: Regressor,
-    /// From latent to deltas. The descriptor's modes are the first rows of its basis.
-    pub subspace: Subspace,
+    /// From features to deltas. The descriptor's modes are the first of the model's.
+    pub model: Model,
     /// A short input and its output.
     pub self_check: SelfCheck,
 }
@@ -54,16 +53,11 @@ pub struct SelfCheck {
     pub deltas: Frames,
 }
 
-/// Most latent numbers, components, hidden units and features of a bundle: far above what is useful, far below what
-/// hurts.
-const LARGEST_WIDTH: usize = 1 << 16;
-/// Most shape terms, and their highest power.
-const MOST_TERMS: (usize, u8) = (64, 4);
 /// Most frames of a self-check: it runs whenever a bundle is opened.
 const LONGEST_CHECK: usize = 600;
 
 impl SelfCheck {
-    /// Plays a motion and keeps the deltas of `count` vertices spread evenly over those that the basis moves at all.
+    /// Plays a motion and keeps the deltas of `count` vertices spread evenly over those that it moves at all.
     pub fn record(
         bundle: &Bundle,
         beta: &[f32],
@@ -71,20 +65,16 @@ impl SelfCheck {
         translations: &[Vec3],
         count: usize,
     ) -> crate::Result<Self> {
-        let moving = |v: &usize| {
-            let basis = &bundle.subspace.basis.directions;
-            (0..basis.rows()).any(|k| basis.row(k)[3 * v..3 * v + 3].iter().any(|x| *x != 0.0))
-        };
-        let moving: Vec<usize> = (0..bundle.body.vertex_count()).filter(moving).collect();
+        let played = Player::new(bundle, beta)?.rollout(rotations, translations)?;
+        let moves = |v: &usize| played.iter().any(|deltas| deltas[*v] != Vec3::ZERO);
+        let moving: Vec<usize> = (0..bundle.body.vertex_count()).filter(moves).collect();
         let count = count.min(moving.len());
         let vertices: Vec<u32> = (0..count).map(|i| moving[i * moving.len() / count] as u32).collect();
         let mut deltas = Frames::new(count);
-        let mut kept = Vec::with_capacity(count);
-        Player::new(bundle, beta)?.play(rotations, translations, |_, player| {
-            kept.clear();
-            kept.extend(vertices.iter().map(|v| player.deltas()[*v as usize]));
+        for frame in played.iter() {
+            let kept: Vec<Vec3> = vertices.iter().map(|v| frame[*v as usize]).collect();
             deltas.push(&kept);
-        })?;
+        }
         Ok(Self {
             beta: beta.to_vec(),
             rotations: rotations.clone(),
@@ -137,21 +127,9 @@ impl SelfCheck {
 impl Bundle {
     /// Whether all parts fit together; the sentence says what does not. Finite numbers are the reader's concern.
     pub fn check(&self) -> Result<(), String> {
-        let Self { body, descriptor, regressor, subspace, .. } = self;
-        fits("basis", &[subspace.basis.mean.len()], &[3 * body.vertex_count()])?;
-        check_subspace(subspace)?;
-        check_regressor(regressor)?;
-        fits("regressor and decoder, latent", &[regressor.latent_count()], &[subspace.latent_count()])?;
-        if let Some(bank) = &regressor.bank {
-            fits("resonator bank, channels", &[bank.channels().min(regressor.feature_count())], &[bank.channels()])?;
-            if bank.fps() != descriptor.fps {
-                return Err(format!(
-                    "its resonators are for {} frames a second, its features for {}; export it again",
-                    bank.fps(),
-                    descriptor.fps
-                ));
-            }
-        }
+        let Self { body, descriptor, model, .. } = self;
+        model.check(descriptor)?;
+        fits("model, vertices", &[model.vertex_count()], &[body.vertex_count()])?;
         if descriptor.look_ahead > 600 {
             return Err(format!(
                 "it looks {} frames ahead, expected at most 600; export it again",
@@ -160,62 +138,4 @@ impl Bundle {
         }
         self.self_check.check(body)
     }
-}
-
-fn check_subspace(subspace: &Subspace) -> Result<(), String> {
-    let (k, l) = (subspace.components(), subspace.latent_count());
-    let basis = &subspace.basis;
-    for (what, width) in [("components", k), ("latent numbers", l)] {
-        if !(1..=LARGEST_WIDTH).contains(&width) {
-            return Err(format!("it has {width} {what}, expected 1 to {LARGEST_WIDTH}; export it again"));
-        }
-    }
-    fits("basis directions", &[basis.directions.cols()], &[basis.mean.len()])?;
-    fits("coefficient mean", &[basis.coefficient_mean.len()], &[k])?;
-    check_linear("decoder.lift", &subspace.decoder.lift, l, k)?;
-    check_linear("encoder.project", &subspace.encoder.project, k, l)?;
-    for unit in subspace.encoder.units.iter().chain(&subspace.decoder.units) {
-        check_linear("residual unit, inner", &unit.inner, k, unit.inner_width())?;
-        check_linear("residual unit, outer", &unit.outer, unit.inner_width(), k)?;
-    }
-    Ok(())
-}
-
-fn check_regressor(regressor: &Regressor) -> Result<(), String> {
-    regressor.input.check()?;
-    regressor.shape.check()?;
-    let (d, b, l) = (regressor.feature_count(), regressor.shape_count(), regressor.latent_count());
-    let a = regressor.memory_count();
-    let widest = [d, a, b, regressor.input.input_size, regressor.shape.input_size].into_iter().max().unwrap_or(0);
-    if widest > LARGEST_WIDTH {
-        return Err(format!("its regressor has {widest} inputs, expected at most {LARGEST_WIDTH}; export it again"));
-    }
-    let (terms, power) = MOST_TERMS;
-    let rows = &regressor.shape_terms;
-    if rows.len() > terms || rows.iter().any(|row| row.len() > b || row.iter().any(|p| *p > power)) {
-        return Err(format!(
-            "its shape terms are more than {terms}, name a shape input past {b} or a power above {power}; export it again"
-        ));
-    }
-    check_linear("shortcut", &regressor.shortcut, rows.len() * a + b, l)?;
-    if let Some(recurrent) = &regressor.recurrent {
-        let h = recurrent.gru.width();
-        let gru = &recurrent.gru;
-        fits("gru.w_ih", &[gru.w_ih.rows(), gru.w_ih.cols()], &[3 * h, d + b])?;
-        fits("gru.w_hh", &[gru.w_hh.rows(), h], &[3 * h, h])?;
-        fits("gru biases", &[gru.b_ih.len(), gru.b_hh.len()], &[3 * h, 3 * h])?;
-        check_linear("readout", &recurrent.readout, h, l)?;
-    }
-    Ok(())
-}
-
-fn check_linear(name: &str, linear: &crate::Linear, inputs: usize, outputs: usize) -> Result<(), String> {
-    fits(name, &[linear.outputs(), linear.inputs(), linear.bias.len()], &[outputs, inputs, outputs])
-}
-
-fn fits(what: &str, found: &[usize], expected: &[usize]) -> Result<(), String> {
-    if found == expected {
-        return Ok(());
-    }
-    Err(format!("its {what} has size {found:?}, expected {expected:?}; export it again"))
 }

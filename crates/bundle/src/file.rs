@@ -23,8 +23,8 @@ impl Bundle {
             return Err(BundleError::refused(dir, "its largest delta is no number; train again"));
         }
         let mut manifest = self.manifest_form()?;
-        let model = arrays::collect(&self.regressor, &self.subspace, &self.self_check)
-            .map_err(|reason| BundleError::refused(dir, reason))?;
+        let model =
+            arrays::collect(&self.model, &self.self_check).map_err(|reason| BundleError::refused(dir, reason))?;
         create_dir(dir)?;
         match std::fs::remove_file(&manifest_path) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("replace", &manifest_path, e))?,
@@ -60,10 +60,8 @@ impl Bundle {
             ));
         }
         let model_path = dir.join(MODEL_FILE);
-        let arrays::Arrays { regressor, subspace, self_check } =
-            arrays::read(&model_path, &manifest.network, manifest.fps)?;
-        let bundle =
-            Self { info: manifest.info, body, descriptor: manifest.descriptor, regressor, subspace, self_check };
+        let arrays::Arrays { model, self_check } = arrays::read(&model_path, &manifest.model, manifest.fps)?;
+        let bundle = Self { info: manifest.info, body, descriptor: manifest.descriptor, model, self_check };
         bundle.check().map_err(|reason| BundleError::refused(&model_path, reason))?;
         bundle.run_self_check(dir)?;
         Ok(bundle)
@@ -77,8 +75,7 @@ impl Bundle {
     }
 
     fn manifest_form(&self) -> Result<Manifest> {
-        let modes = self.subspace.basis.directions.data();
-        let lag_frames = Descriptor::new(&self.descriptor, &self.body, Some(modes))?.lag_frames();
+        let lag_frames = Descriptor::new(&self.descriptor, &self.body, self.model.modes())?.lag_frames();
         Ok(Manifest::of(self, lag_frames))
     }
 

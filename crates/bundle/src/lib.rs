@@ -1,8 +1,8 @@
 //! The shipped model format and the player that runs it without a machine-learning framework.
 //!
-//! What a model computes is defined by the plain arrays here: [`Regressor`] (motion features to latent, frame by
-//! frame), [`Subspace`] (latent to deltas) and the [`descriptor`] (poses to features). This room may use geometry
-//! and body only; it must never know the framework, training or the body's generator.
+//! What a model computes is defined by the plain arrays here: the [`descriptor`] (poses to features) and a [`Model`]
+//! (features to deltas, frame by frame). This room may use geometry and body only; it must never know the framework,
+//! training or the body's generator.
 
 mod advance;
 mod arrays;
@@ -12,6 +12,7 @@ mod error;
 mod file;
 mod manifest;
 mod matrix;
+mod model;
 mod network;
 mod player;
 mod posing;
@@ -24,6 +25,7 @@ pub use error::BundleError;
 pub use file::MANIFEST_FILE;
 pub use manifest::FORMAT_VERSION;
 pub use matrix::Matrix;
+pub use model::{Model, ModelState, RecurrentModel, RecurrentState};
 pub use network::{Gru, Linear, ResidualUnit};
 pub use player::{Player, RolloutReport, StepReport};
 pub use regressor::{Recurrent, Regressor, RegressorState};

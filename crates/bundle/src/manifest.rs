@@ -1,11 +1,11 @@
 use crate::descriptor::DescriptorConfig;
-use crate::{Bundle, BundleError, BundleInfo, Resonator, Result};
+use crate::{Bundle, BundleError, BundleInfo, Model, RecurrentModel, Resonator, Result};
 use serde::{Deserialize, Serialize};
 use softtissue_store::{StoreError, read_limited};
 use std::path::Path;
 
 /// Version of the format that this program writes, and the newest that it reads.
-pub const FORMAT_VERSION: u64 = 1;
+pub const FORMAT_VERSION: u64 = 2;
 /// First word of every manifest.
 const FORMAT: &str = "softtissue-bundle";
 /// Largest manifest.
@@ -29,16 +29,23 @@ pub(crate) struct Manifest {
     vertices: usize,
     pub(crate) joints: Vec<String>,
     pub(crate) descriptor: DescriptorConfig,
-    pub(crate) network: NetworkForm,
+    pub(crate) model: ModelForm,
     pub(crate) info: BundleInfo,
     limits: TrainingLimits,
     pub(crate) files: Vec<FileEntry>,
 }
 
-/// What the arrays' names and shapes do not say.
+/// What the arrays' names and shapes do not say, a variant for each of [`Model`]'s.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub(crate) enum ModelForm {
+    Recurrent(RecurrentForm),
+}
+
+/// A recurrent model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct NetworkForm {
+pub(crate) struct RecurrentForm {
     pub(crate) features: usize,
     pub(crate) beta_count: usize,
     pub(crate) shape_terms: Vec<Vec<u8>>,
@@ -83,12 +90,34 @@ struct Head {
     version: u64,
 }
 
+impl ModelForm {
+    fn of(model: &Model) -> Self {
+        match model {
+            Model::Recurrent(m) => Self::Recurrent(RecurrentForm::of(m)),
+        }
+    }
+}
+
+impl RecurrentForm {
+    fn of(RecurrentModel { regressor, subspace }: &RecurrentModel) -> Self {
+        let bank = regressor.bank.as_ref();
+        Self {
+            features: regressor.input.input_size,
+            beta_count: regressor.shape.input_size,
+            shape_terms: regressor.shape_terms.clone(),
+            bank: bank.map(|b| BankForm { channels: b.channels(), resonators: b.resonators().to_vec() }),
+            direct: regressor.direct,
+            recurrent: regressor.recurrent.is_some(),
+            encoder_units: subspace.encoder.units.len(),
+            decoder_units: subspace.decoder.units.len(),
+        }
+    }
+}
+
 impl Manifest {
     /// The manifest of a bundle, without files yet.
     pub(crate) fn of(bundle: &Bundle, lag_frames: f32) -> Self {
-        let Bundle { info, body, descriptor, regressor, subspace, .. } = bundle;
-        let shape = &regressor.shape;
-        let bank = regressor.bank.as_ref();
+        let Bundle { info, body, descriptor, model, .. } = bundle;
         Self {
             format: FORMAT.into(),
             version: FORMAT_VERSION,
@@ -103,21 +132,9 @@ impl Manifest {
             vertices: body.vertex_count(),
             joints: body.skeleton.names.clone(),
             descriptor: descriptor.clone(),
-            network: NetworkForm {
-                features: regressor.input.input_size,
-                beta_count: shape.input_size,
-                shape_terms: regressor.shape_terms.clone(),
-                bank: bank.map(|b| BankForm { channels: b.channels(), resonators: b.resonators().to_vec() }),
-                direct: regressor.direct,
-                recurrent: regressor.recurrent.is_some(),
-                encoder_units: subspace.encoder.units.len(),
-                decoder_units: subspace.decoder.units.len(),
-            },
+            model: ModelForm::of(model),
             info: info.clone(),
-            limits: TrainingLimits {
-                beta: (0..shape.len()).map(|i| (shape.kept[i], shape.lower[i], shape.upper[i])).collect(),
-                largest_delta_m: info.largest_delta_m,
-            },
+            limits: TrainingLimits { beta: model.shape_limits(), largest_delta_m: info.largest_delta_m },
             files: vec![],
         }
     }
@@ -135,6 +152,10 @@ impl Manifest {
         }
         if head.version > FORMAT_VERSION {
             return Err(BundleError::Newer { path: path.to_owned(), found: head.version, supported: FORMAT_VERSION });
+        }
+        if head.version < FORMAT_VERSION {
+            let reason = format!("it has version {}, this program reads {FORMAT_VERSION}; train again", head.version);
+            return Err(BundleError::refused(path, reason));
         }
         let manifest: Self = serde_json::from_slice(&bytes).map_err(broken)?;
         manifest.check(path)?;

@@ -1,7 +1,7 @@
 use crate::advance::Clock;
 use crate::descriptor::{Descriptor, DescriptorState};
 use crate::posing::Posing;
-use crate::{Bundle, BundleError, RegressorState, Result, SubspaceScratch};
+use crate::{Bundle, BundleError, ModelState, Result};
 use glam::Vec3;
 use softtissue_body::{Pose, ShapedBody};
 use softtissue_geometry::Frames;
@@ -25,8 +25,7 @@ pub struct Player<B: Deref<Target = Bundle>> {
     shaped: ShapedBody,
     descriptor: Descriptor,
     descriptor_state: DescriptorState,
-    regressor_state: RegressorState,
-    scratch: SubspaceScratch,
+    model_state: ModelState,
     posing: Posing,
     /// Whether `posing` holds the frame that is shown.
     posed: bool,
@@ -97,20 +96,18 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             return Err(BundleError::Input(format!("shape coefficient {i} as {}; give finite numbers", beta[i])));
         }
         let shaped = bundle.body.shaped(beta);
-        let modes = bundle.subspace.basis.directions.data();
-        let descriptor = Descriptor::new(&bundle.descriptor, &bundle.body, Some(modes))?;
-        if descriptor.len() != bundle.regressor.input.input_size {
-            let (found, expected) = (descriptor.len(), bundle.regressor.input.input_size);
+        let descriptor = Descriptor::new(&bundle.descriptor, &bundle.body, bundle.model.modes())?;
+        let (found, expected) = (descriptor.len(), bundle.model.feature_count());
+        if found != expected {
             return Err(BundleError::Input(format!(
-                "a bundle whose descriptor makes {found} features where its regressor takes {expected}; export it again"
+                "a bundle whose descriptor makes {found} features where its model takes {expected}; export it again"
             )));
         }
         let (v, j) = (bundle.body.vertex_count(), bundle.body.joint_count());
         let look_ahead = bundle.descriptor.look_ahead;
         Ok(Self {
             descriptor_state: descriptor.state(),
-            regressor_state: bundle.regressor.start(beta),
-            scratch: bundle.subspace.scratch(),
+            model_state: bundle.model.start(beta),
             posing: Posing::new(&bundle.body),
             posed: false,
             features: vec![0.0; descriptor.len()],
@@ -152,7 +149,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     /// Forgets what moved, keeps where the body stands.
     pub(crate) fn reset_motion(&mut self) {
         self.descriptor_state = self.descriptor.state();
-        self.regressor_state.reset();
+        self.model_state.reset();
         self.deltas.fill(Vec3::ZERO);
         self.clock.stop();
         (self.teleported, self.last_move) = (Vec3::ZERO, Vec3::ZERO);
@@ -193,9 +190,9 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     pub fn deltas(&self) -> &[Vec3] {
         &self.deltas
     }
-    /// The latent behind the deltas, `[L]`.
+    /// The few numbers behind the deltas, `[L]`.
     pub fn latent(&self) -> &[f32] {
-        self.regressor_state.latent()
+        self.model_state.latent()
     }
     /// Posed vertices with deltas, `[V]`, metres.
     pub fn vertices(&mut self) -> &[Vec3] {
@@ -298,11 +295,10 @@ impl<B: Deref<Target = Bundle>> Player<B> {
 
     /// From features to deltas.
     fn infer(&mut self, report: &mut StepReport) {
-        report.features_clipped = self.bundle.regressor.step(&self.features, &mut self.regressor_state);
-        let delta = bytemuck::cast_slice_mut(&mut self.deltas);
-        self.bundle.subspace.decode(self.regressor_state.latent(), delta, &mut self.scratch);
-        if !self.regressor_state.is_finite() || !self.deltas.iter().all(|d| d.is_finite()) {
-            self.regressor_state.reset();
+        let deltas = bytemuck::cast_slice_mut(&mut self.deltas);
+        report.features_clipped = self.bundle.model.step(&self.features, &mut self.model_state, deltas);
+        if !self.model_state.is_finite() || !self.deltas.iter().all(|d| d.is_finite()) {
+            self.model_state.reset();
             self.deltas.fill(Vec3::ZERO);
             report.restarted = true;
         }

@@ -1,7 +1,7 @@
 //! Every setting in one place. Each section's defaults live beside the code that uses them.
 
 use serde::{Deserialize, Serialize};
-use softtissue_bundle::descriptor::{DescriptorConfig, FeatureKind};
+use softtissue_bundle::descriptor::DescriptorConfig;
 use softtissue_clips::{ClipId, Split, SplitConfig};
 use softtissue_fit::FitConfig;
 use softtissue_model::PcaConfig;
@@ -13,6 +13,8 @@ use softtissue_train::{LoopConfig, RegressorTraining, SubspaceTraining};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
+    /// What is learned. Default `softtissue`.
+    pub method: Method,
     /// The one number all random draws come from. Default 1. `synth.seed` follows it unless it is stated.
     pub seed: u64,
     /// Where tensors live: `flex`, `ndarray` or `wgpu`. Default `flex`.
@@ -37,6 +39,27 @@ pub struct Config {
     pub train: LoopConfig,
     /// What is measured.
     pub eval: EvalConfig,
+}
+
+/// What `train` learns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Ours.
+    #[default]
+    Softtissue,
+    /// SoftSMPL (Santesteban et al. 2020).
+    Softsmpl,
+}
+
+impl Method {
+    /// Name in tables, files and settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Softtissue => softtissue_eval::OURS,
+            Self::Softsmpl => "softsmpl",
+        }
+    }
 }
 
 /// The deltas' subspace.
@@ -98,6 +121,7 @@ pub struct EvalConfig {
 impl Default for Config {
     fn default() -> Self {
         Self {
+            method: Method::default(),
             seed: 1,
             device: "flex".into(),
             licence: "CC0-1.0".into(),
@@ -251,14 +275,11 @@ impl Config {
         self.split.split(&ids)
     }
 
-    /// The name under which the learned method is reported: the published form or ours, and how far it looks ahead.
+    /// The name under which the learned method is reported: its own, and how far it looks ahead.
     pub fn method_name(&self) -> String {
-        let published =
-            self.descriptor.features == FeatureKind::Pose && self.regressor.shortcut == ShortcutKind::Linear;
-        let name = if published { "softsmpl" } else { softtissue_eval::OURS };
         match self.descriptor.look_ahead {
-            0 => name.to_owned(),
-            frames => format!("{name}/look-ahead-{frames}"),
+            0 => self.method.name().to_owned(),
+            frames => format!("{}/look-ahead-{frames}", self.method.name()),
         }
     }
 }

@@ -51,6 +51,13 @@ pub struct Split {
     pub test: Vec<ClipId>,
 }
 
+impl Split {
+    /// Clips to select a model by: those of validation, or those of training where there are none.
+    pub fn selection(&self) -> &[ClipId] {
+        if self.validation.is_empty() { &self.train } else { &self.validation }
+    }
+}
+
 impl SplitConfig {
     /// Refuses a motion or subject that is named in two parts.
     pub fn check(&self) -> Result<()> {

@@ -76,10 +76,12 @@ impl Gate {
 /// The name under which the project's own method is judged.
 pub const OURS: &str = "softtissue";
 
-/// The name of the same without its recurrent unit.
-pub const WITHOUT_GRU: &str = "softtissue/without-gru";
+/// The name of a method without its recurrent unit.
+pub fn without_gru(method: &str) -> String {
+    format!("{method}/without-gru")
+}
 
-/// The acceptance values that follow from what has been measured, by name. What was not measured stands there without
+/// The acceptance values of the run's method that follow from what has been measured, by name. What was not measured stands there without
 /// a value.
 pub fn acceptance(metrics: &Metrics) -> BTreeMap<String, Gate> {
     let mut gates = BTreeMap::new();
@@ -92,7 +94,8 @@ pub fn acceptance(metrics: &Metrics) -> BTreeMap<String, Gate> {
 }
 
 fn regressor(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
-    let ours = metrics.methods.get(OURS);
+    let name = metrics.method.as_deref().unwrap_or(OURS);
+    let ours = metrics.methods.get(name);
     let of = |part: fn(&MethodMetrics) -> Option<f64>| ours.and_then(part);
     let soft = |m: &MethodMetrics| m.regions.get("soft").copied().unwrap_or_default();
     let ratio = of(|m| m.soft_ratio);
@@ -130,7 +133,8 @@ fn regressor(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
     );
     put("rest", Gate::new(&rest, "", of(|m| m.rest_ratio), None, Some(0.05)));
     let on_validation = |name: &str| metrics.validation_soft_ratio.get(name).copied();
-    let share = on_validation(OURS).zip(on_validation(WITHOUT_GRU)).map(|(whole, without)| 1.0 - whole / without);
+    let share =
+        on_validation(name).zip(on_validation(&without_gru(name))).map(|(whole, without)| 1.0 - whole / without);
     let what = "what the recurrent unit takes off the error on soft vertices, validation clips";
     put("gru_share", Gate::new(what, "", share, Some(0.03), None));
     let mut decay = |name, what, unit, value: Option<f64>, most| {
@@ -268,11 +272,20 @@ mod tests {
     fn the_recurrent_unit_has_to_earn_its_share_on_validation() {
         let mut m = metrics();
         assert_eq!(acceptance(&m)["regressor.gru_share"].met, None);
-        m.validation_soft_ratio = [(OURS.to_owned(), 0.56), (WITHOUT_GRU.to_owned(), 0.58)].into();
+        m.validation_soft_ratio = [(OURS.to_owned(), 0.56), (without_gru(OURS), 0.58)].into();
         let gate = acceptance(&m)["regressor.gru_share"].clone();
         assert!((gate.value.unwrap() - 0.034_48).abs() < 1e-5 && gate.met == Some(true), "{gate:?}");
         m.validation_soft_ratio.insert(OURS.into(), 0.57);
         assert_eq!(acceptance(&m)["regressor.gru_share"].met, Some(false));
+    }
+
+    #[test]
+    fn the_run_s_own_method_is_judged() {
+        let mut m = metrics();
+        m.method = Some("ar2-subject".into());
+        assert_eq!(acceptance(&m)["regressor.soft_ratio"].value, Some(0.60));
+        m.method = Some("dyna".into());
+        assert_eq!(acceptance(&m)["regressor.soft_ratio"].value, None);
     }
 
     #[test]

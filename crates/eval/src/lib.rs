@@ -19,7 +19,7 @@ mod tally;
 
 pub use error::{EvalError, MethodError};
 pub use fit::judge_fit;
-pub use gates::{Gate, OURS, WITHOUT_GRU, acceptance};
+pub use gates::{Gate, OURS, acceptance, without_gru};
 pub use judge::{Channel, Scene, judge};
 pub use method::{BodyAlone, Codec, Method};
 pub use metrics::{

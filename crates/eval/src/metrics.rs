@@ -20,6 +20,9 @@ pub struct Metrics {
     pub seed: u64,
     /// Whether the reference is the simulator's truth. If not, it is the scans' deltas.
     pub truth: bool,
+    /// The method that the run is about; the others stand beside it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method: Option<String>,
     /// How much was judged.
     pub data: DataMetrics,
     /// By method, as in the design: `body`, `ridge`, `softtissue`, and variants after a slash.

@@ -45,6 +45,11 @@ pub struct FeatureScaling {
 const SMALLEST_RANGE: f32 = 1e-4;
 
 impl FeatureScaling {
+    /// Index, smallest and largest value in training of each kept feature.
+    pub fn limits(&self) -> Vec<(u32, f32, f32)> {
+        (0..self.len()).map(|i| (self.kept[i], self.lower[i], self.upper[i])).collect()
+    }
+
     /// Learns from clips of features, each `[T, D]`, where `D` is the end of the last block.
     pub fn fit(clips: &[&[f32]], blocks: &[FeatureBlock]) -> Self {
         let size = blocks.last().map_or(0, |b| b.range.end);

@@ -26,14 +26,13 @@ fn a_rollout_is_the_documented_sum_in_f64() {
         let beta = [0.7, -1.3];
         let mut player = Player::new(&bundle, &beta).unwrap();
         let deltas = player.rollout(&rotations, &translations).unwrap();
-        let descriptor =
-            Descriptor::new(&bundle.descriptor, &bundle.body, Some(bundle.subspace.basis.directions.data())).unwrap();
+        let descriptor = Descriptor::new(&bundle.descriptor, &bundle.body, bundle.model.modes()).unwrap();
         let features = descriptor.run(&bundle.body, &bundle.body.shaped(&beta), &rotations, &translations);
-        let latents = reference::regress(&bundle.regressor, &features, &beta);
+        let latents = reference::regress(&bundle.model.recurrent().unwrap().regressor, &features, &beta);
         let largest = deltas.points().iter().fold(0.0, |m: f32, d| m.max(d.length()));
         assert!(largest > 1e-3 && deltas.len() == 120, "{parts:?}: the test bundle hardly moves");
         for (t, latent) in latents.iter().enumerate() {
-            let expected = reference::decode(&bundle.subspace, latent);
+            let expected = reference::decode(&bundle.model.recurrent().unwrap().subspace, latent);
             for (d, e) in deltas.frame(t).iter().flat_map(|d| d.to_array()).zip(expected) {
                 assert!((f64::from(d) - e).abs() < 1e-4 * f64::from(largest), "{parts:?} frame {t}: {d} {e}");
             }
@@ -44,7 +43,7 @@ fn a_rollout_is_the_documented_sum_in_f64() {
 #[test]
 fn the_encoder_is_the_documented_sum_in_f64() {
     let bundle = bundle(Parts::default());
-    let subspace = &bundle.subspace;
+    let subspace = &bundle.model.recurrent().unwrap().subspace;
     let mut draws = Draws::new(5, "deltas", 0, 0);
     let delta: Vec<f32> = (0..3 * subspace.vertex_count()).map(|_| (0.02 * draws.normal()) as f32).collect();
     let mut latent = vec![0.0; subspace.latent_count()];

@@ -150,10 +150,17 @@ pub fn bundle(parts: Parts) -> Bundle {
         largest_delta_m: 0.1,
         ..Default::default()
     };
-    let mut bundle = Bundle { info, body, descriptor: config, regressor, subspace, self_check: SelfCheck::default() };
+    let model = Model::Recurrent(RecurrentModel { regressor, subspace });
+    let mut bundle = Bundle { info, body, descriptor: config, model, self_check: SelfCheck::default() };
     bundle.self_check =
         SelfCheck::record(&bundle, &[0.5, -0.5], &rotations.slice(0..12), &translations[..12], 8).unwrap();
     bundle
+}
+
+/// The recurrent model of a bundle, to break it.
+pub fn recurrent_of(bundle: &mut Bundle) -> &mut RecurrentModel {
+    let Model::Recurrent(model) = &mut bundle.model;
+    model
 }
 
 /// Bends, turns and hops.

@@ -3,7 +3,7 @@
 use softtissue_body::BodyModel;
 use softtissue_bundle::{Bundle, Player, Subspace};
 use softtissue_clips::MotionClip;
-use softtissue_eval::{Codec, Method, MethodError};
+use softtissue_eval::{Codec, CodecPair, Method, MethodError};
 use softtissue_geometry::Frames;
 use softtissue_model::Predictor;
 use softtissue_model::linear::Ladder;
@@ -55,6 +55,30 @@ impl Method for LadderMethod {
     fn rollout(&self, subject: &str, beta: &[f32], motion: &MotionClip) -> Result<Frames, MethodError> {
         let rung = self.ladder.predictor(&self.name).ok_or_else(|| format!("the ladder has no rung {}", self.name))?;
         Ok(rung.rollout(subject, beta, &self.body, &motion.rotations, &motion.translations)?)
+    }
+}
+
+/// A subspace beside principal components of the same size.
+pub struct LearnedCodec {
+    /// Latent numbers.
+    pub latents: u32,
+    /// Principal components.
+    pub pca: SubspaceCodec,
+    /// The learned one.
+    pub autoencoder: SubspaceCodec,
+    /// Whether validation kept more than principal components.
+    pub residual_kept: bool,
+}
+
+impl LearnedCodec {
+    /// Both, as evaluation takes them.
+    pub fn pair(&self) -> CodecPair<'_> {
+        CodecPair {
+            latent: self.latents,
+            pca: &self.pca,
+            autoencoder: Some(&self.autoencoder),
+            residual_kept: Some(self.residual_kept),
+        }
     }
 }
 

@@ -73,7 +73,7 @@ pub fn prepare(context: &Context, opened: Opened) -> Result<Prepared> {
 }
 
 /// Raised whenever the same fit and settings would give another model, so that a kept stage is not mistaken.
-const LEARNED: u32 = 2;
+const LEARNED: u32 = 3;
 
 /// The same scans with another split; `prefix` names the fold's stages.
 pub fn fold(context: &Context, kept: Arc<KeptBody>, scans: Scans, split: Split, prefix: String) -> Result<Prepared> {
@@ -87,7 +87,7 @@ pub fn fold(context: &Context, kept: Arc<KeptBody>, scans: Scans, split: Split, 
         (&scans.fingerprint, &kept.sha256),
         &split.train,
         &split.validation,
-        (config.seed, &config.device, &config.fit),
+        (config.method, config.seed, &config.device, &config.fit),
         (&config.subspace, &config.descriptor, &config.ladder, &config.regressor),
     ))?;
     let body = Arc::clone(&kept.model);

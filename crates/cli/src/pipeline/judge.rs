@@ -1,7 +1,7 @@
 //! What a run is worth: opened truth, measures, report.
 
 use super::basis::count_components;
-use super::bundle::{BundleMethod, SubspaceCodec};
+use super::bundle::{BundleMethod, LearnedCodec};
 use super::context::Context;
 use super::learn::Learned;
 use super::probes::stop_probes;
@@ -9,13 +9,11 @@ use super::scans::Scans;
 use crate::memory::peak_memory_bytes;
 use anyhow::Result;
 use softtissue_body::BodyModel;
-use softtissue_bundle::{Decoder, DeltaBasis, Encoder, Linear, Matrix, Subspace};
 use softtissue_clips::{ClipId, FitSet, Split};
 use softtissue_eval::{
-    CodecPair, DecayTrace, LongRollout, Method, Metrics, Scene, Tally, WITHOUT_GRU, acceptance, judge, judge_bounded,
-    judge_fit, judge_shapes, judge_stops, judge_subspace, training_peaks,
+    CodecPair, DecayTrace, LongRollout, Method, Metrics, Scene, Tally, acceptance, judge, judge_bounded, judge_fit,
+    judge_shapes, judge_stops, judge_subspace, training_peaks, without_gru,
 };
-use softtissue_model::truncated;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -71,6 +69,7 @@ pub fn judge_run(
         Ok(judge_stops(&mut metrics, body, &heard, &probes, context.monitor)?)
     })?;
     metrics.peak_memory_bytes = peak_memory_bytes();
+    metrics.method = Some(ours.name.clone());
     metrics.gates = acceptance(&metrics);
     Ok(Judgement { metrics, tally, decays })
 }
@@ -84,7 +83,8 @@ fn on_validation(
     context: &Context,
 ) -> Result<BTreeMap<String, f64>> {
     let mut methods: Vec<&dyn Method> = vec![ours];
-    methods.extend(learned.ablations.iter().filter(|m| m.name == WITHOUT_GRU).map(|m| m as &dyn Method));
+    let bare = without_gru(&ours.name);
+    methods.extend(learned.ablations.iter().filter(|m| m.name == bare).map(|m| m as &dyn Method));
     let mut tally = Tally::default();
     judge(&mut tally, &Scene { scans: None, ..*scene }, &methods, &split.validation, None, context.monitor)?;
     let figures = tally.metrics("validation", context.config.seed).methods;
@@ -118,43 +118,8 @@ fn judge_codecs(
     clips: &[ClipId],
     context: &Context,
 ) -> Result<BTreeMap<u32, softtissue_eval::SubspaceMetrics>> {
-    let basis = &learned.pca.basis;
-    let codecs: Vec<(u32, SubspaceCodec, SubspaceCodec, bool)> = learned
-        .subspaces
-        .values()
-        .map(|s| {
-            (
-                s.latents as u32,
-                SubspaceCodec(linear(basis, s.latents)),
-                SubspaceCodec(s.to_plain(basis)),
-                s.best_step > 0,
-            )
-        })
-        .collect();
-    let pairs: Vec<CodecPair> = codecs
-        .iter()
-        .map(|(latent, pca, ae, kept)| CodecPair {
-            latent: *latent,
-            pca,
-            autoencoder: Some(ae),
-            residual_kept: Some(*kept),
-        })
-        .collect();
+    let pairs: Vec<CodecPair> = learned.codecs.iter().map(LearnedCodec::pair).collect();
     Ok(judge_subspace(scene, &pairs, clips, context.monitor)?)
-}
-
-/// Principal components alone, as a subspace without residual units.
-fn linear(basis: &DeltaBasis, latents: usize) -> Subspace {
-    let identity = || {
-        let mut m = Matrix::zeros(latents, latents);
-        (0..latents).for_each(|i| m.row_mut(i)[i] = 1.0);
-        Linear { weight: m, bias: vec![0.0; latents] }
-    };
-    Subspace {
-        basis: truncated(basis, latents),
-        encoder: Encoder { units: vec![], project: identity() },
-        decoder: Decoder { lift: identity(), units: vec![] },
-    }
 }
 
 fn bounded(metrics: &mut Metrics, scene: &Scene, split: &Split, ours: &BundleMethod, context: &Context) -> Result<()> {

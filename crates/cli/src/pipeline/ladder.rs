@@ -57,8 +57,7 @@ pub fn learn_ladder(
         if context.config.regressor.mirror {
             train.extend(dyna_clips(&split.train, true)?);
         }
-        let selection = if split.validation.is_empty() { &split.train } else { &split.validation };
-        let validation = dyna_clips(selection, false)?;
+        let validation = dyna_clips(split.selection(), false)?;
         let own = FeatureSet {
             descriptor: descriptor.config(),
             blocks: descriptor.blocks(),

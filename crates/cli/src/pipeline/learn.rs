@@ -1,21 +1,20 @@
-//! Everything that is learned from one split: basis, subspaces, ladder, regressor, bundle.
+//! Everything that is learned from one split: basis, ladder of baselines, the method's model, bundle.
 
 use super::basis::learn_basis;
-use super::bundle::{BundleMethod, LadderMethod};
+use super::bundle::{BundleMethod, LadderMethod, LearnedCodec};
 use super::context::{Context, Place};
 use super::ladder::learn_ladder;
 use super::motions::{descriptor, training_clips};
-use super::recurrent::{LearnedRegressor, RegressorInputs, learn_regressor};
-use super::subspaces::{LearnedSubspace, learn_subspaces};
-use crate::exit::UsageError;
+use super::softtissue::learn_softtissue;
+use crate::config::Method;
 use anyhow::{Context as _, Result};
 use serde_json::json;
 use softtissue_body::BodyModel;
-use softtissue_bundle::{Bundle, BundleInfo, Regressor, SelfCheck};
+use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig};
+use softtissue_bundle::{Bundle, BundleInfo, Model, SelfCheck};
 use softtissue_clips::{FitSet, Split};
-use softtissue_model::Pca;
+use softtissue_model::{Pca, TrainingClip};
 use softtissue_train::Clips;
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -23,16 +22,51 @@ use std::sync::Arc;
 pub struct Learned {
     /// Principal components.
     pub pca: Pca,
-    /// Autoencoders by latent size.
-    pub subspaces: BTreeMap<usize, LearnedSubspace>,
-    /// The regressor.
-    pub regressor: LearnedRegressor,
-    /// The whole as it ships.
-    pub bundle: Arc<Bundle>,
     /// The closed-form baselines.
     pub ladder: Vec<LadderMethod>,
+    /// The whole as it ships.
+    pub bundle: Arc<Bundle>,
     /// Variants of the bundle with a part switched off, for the ablation.
     pub ablations: Vec<BundleMethod>,
+    /// Subspaces beside principal components of the same size.
+    pub codecs: Vec<LearnedCodec>,
+    /// What a reader of the report wants to know of the training.
+    pub facts: Vec<(String, String)>,
+}
+
+/// What every method learns from.
+#[derive(Clone, Copy)]
+pub struct Material<'a> {
+    /// The body.
+    pub body: &'a Arc<BodyModel>,
+    /// Shapes, motions and deltas.
+    pub fit: &'a FitSet,
+    /// Who is left out.
+    pub split: &'a Split,
+    /// Principal components of the training clips' deltas.
+    pub pca: &'a Pca,
+    /// `descriptor` of the settings.
+    pub descriptor: &'a Descriptor,
+    /// Clips described by it; targets as coefficients of `pca`.
+    pub clips: &'a Clips<Vec<TrainingClip>>,
+    /// Ridge strength that validation chose for the ladder's readout that is the regressor's shortcut.
+    pub strength: f64,
+}
+
+/// What a method's own stages leave behind.
+pub struct LearnedModel {
+    /// How a motion is described to it.
+    pub descriptor: DescriptorConfig,
+    /// From features to deltas.
+    pub model: Model,
+    /// The same with a part switched off, by name.
+    pub ablations: Vec<(&'static str, Model)>,
+    /// Soft ratio on the clips that selected it.
+    pub soft_ratio: f64,
+    /// Subspaces beside principal components.
+    pub codecs: Vec<LearnedCodec>,
+    /// Terms and values for the report.
+    pub facts: Vec<(String, String)>,
 }
 
 /// Frames of the bundle's self-check.
@@ -52,45 +86,45 @@ pub fn learn(
 ) -> Result<Learned> {
     let config = context.config;
     let pca = context.timed(&place.stage("principal components"), || learn_basis(context, place, body, fit, split))?;
-    let subspaces = learn_subspaces(context, place, body, fit, split, &pca)?;
-    let chosen = subspaces.get(&config.regressor.latents).ok_or_else(|| {
-        let sizes: Vec<String> = subspaces.keys().map(ToString::to_string).collect();
-        UsageError(format!(
-            "regressor.latents is {}, but the subspaces have {} numbers; choose one of these (a size must be under the \
-             {} components that the clips have)",
-            config.regressor.latents,
-            sizes.join(", "),
-            pca.components()
-        ))
-    })?;
-
     let (descriptor, clips) = context.timed(&place.stage("motion descriptors"), || {
         let descriptor = descriptor(context, body, &pca.basis)?;
         let mut train = training_clips(&split.train, body, fit, &pca.basis, &descriptor, false)?;
         if config.regressor.mirror {
             train.extend(training_clips(&split.train, body, fit, &pca.basis, &descriptor, true)?);
         }
-        let selection = if split.validation.is_empty() { &split.train } else { &split.validation };
-        let validation = training_clips(selection, body, fit, &pca.basis, &descriptor, false)?;
+        let validation = training_clips(split.selection(), body, fit, &pca.basis, &descriptor, false)?;
         Ok((descriptor, Clips { train, validation }))
     })?;
     let (ladder, strength) = context.timed(&place.stage("ladder of baselines"), || {
         learn_ladder(context, place, body, fit, split, &pca.basis, &descriptor, &clips)
     })?;
+    let material = Material { body, fit, split, pca: &pca, descriptor: &descriptor, clips: &clips, strength };
+    let learned = match config.method {
+        Method::Softtissue | Method::Softsmpl => learn_softtissue(context, place, &material)?,
+    };
+    let bundle = context.timed(&place.stage("bundle"), || ship(context, place, &material, &learned, bundle_dir))?;
+    let ablation = |(part, model): (&str, Model)| BundleMethod {
+        name: format!("{}/{part}", bundle.info.method),
+        bundle: Arc::new(Bundle { model, ..bundle.clone() }),
+    };
+    let ablations = learned.ablations.into_iter().map(ablation).collect();
+    let LearnedModel { codecs, facts, .. } = learned;
+    Ok(Learned { pca, ladder, bundle: Arc::new(bundle), ablations, codecs, facts })
+}
 
-    let plain = chosen.to_plain(&pca.basis);
-    let regressor = context.timed(&place.stage("regressor"), || {
-        let inputs = RegressorInputs {
-            body,
-            blocks: descriptor.blocks(),
-            subspace: &plain,
-            network: &chosen.network,
-            clips: clips.clone(),
-            strength,
-        };
-        learn_regressor(context, place, inputs)
-    })?;
-
+/// Writes the bundle, or reads the one that was shipped where nothing may be learned: that is what is judged.
+fn ship(
+    context: &Context,
+    place: &Place,
+    material: &Material,
+    learned: &LearnedModel,
+    bundle_dir: &Path,
+) -> Result<Bundle> {
+    if !context.learns {
+        return Ok(Bundle::read(bundle_dir)?);
+    }
+    let Material { body, fit, split, .. } = *material;
+    let config = context.config;
     let mut bundle = Bundle {
         info: BundleInfo {
             method: config.method_name(),
@@ -105,14 +139,13 @@ pub fn learn(
             measured: if split.validation.is_empty() {
                 json!({})
             } else {
-                json!({"validation_soft_ratio": regressor.soft_ratio})
+                json!({"validation_soft_ratio": learned.soft_ratio})
             },
             largest_delta_m: largest_delta(fit, split)?,
         },
         body: (**body).clone(),
-        descriptor: descriptor.config().clone(),
-        regressor: regressor.regressor.clone(),
-        subspace: plain,
+        descriptor: learned.descriptor.clone(),
+        model: learned.model.clone(),
         self_check: SelfCheck::default(),
     };
     let first = &split.train[0];
@@ -121,27 +154,8 @@ pub fn learn(
     let beta = fit.subject(&first.subject)?.beta;
     bundle.self_check =
         SelfCheck::record(&bundle, &beta, &motion.rotations, &motion.translations, SELF_CHECK_VERTICES)?;
-    context.timed(&place.stage("bundle"), || {
-        if context.learns {
-            bundle.write(bundle_dir).context("the bundle cannot be written")?;
-        } else {
-            // What is judged is what was shipped.
-            bundle = Bundle::read(bundle_dir)?;
-        }
-        Ok(())
-    })?;
-    let ablations = ablations(&bundle, &regressor);
-    Ok(Learned { pca, subspaces, regressor, bundle: Arc::new(bundle), ladder, ablations })
-}
-
-/// The bundle with each part of the regressor alone.
-fn ablations(bundle: &Bundle, learned: &LearnedRegressor) -> Vec<BundleMethod> {
-    let name = &bundle.info.method;
-    let with = |part: &str, regressor: &Regressor| {
-        let bundle = Bundle { regressor: regressor.clone(), ..bundle.clone() };
-        BundleMethod { name: format!("{name}/{part}"), bundle: Arc::new(bundle) }
-    };
-    vec![with("without-gru", &learned.without_gru), with("without-shortcut", &learned.without_shortcut)]
+    bundle.write(bundle_dir).context("the bundle cannot be written")?;
+    Ok(bundle)
 }
 
 fn largest_delta(fit: &FitSet, split: &Split) -> Result<f32> {

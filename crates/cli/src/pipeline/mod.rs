@@ -14,6 +14,7 @@ mod probes;
 mod recurrent;
 mod report;
 mod scans;
+mod softtissue;
 mod subspaces;
 
 pub use body::load_body;

@@ -59,34 +59,18 @@ fn facts(context: &Context, job: &Prepared, learned: &Learned) -> Vec<(String, S
     let config = context.config;
     let (split, pca) = (&job.split, &learned.pca);
     let at95 = pca.components_for(0.95).map_or_else(|| format!("more than {}", pca.components()), |k| k.to_string());
-    [
+    let facts = [
         ("program", format!("softtissue {}", env!("CARGO_PKG_VERSION"))),
+        ("method", learned.bundle.info.method.clone()),
         ("seed", config.seed.to_string()),
         ("device", config.device.clone()),
         ("vertices", job.body.vertex_count().to_string()),
         ("subjects", job.scans.set.subjects().len().to_string()),
         ("clips", format!("{} train, {} select, {} test", split.train.len(), split.validation.len(), split.test.len())),
         ("components for 95 % of the variance of scan deltas", at95),
-        (
-            "motion descriptor",
-            format!("{:?}, {} features", config.descriptor.features, learned.bundle.regressor.input.input_size),
-        ),
-        ("subspace steps", config.subspace.training.steps.to_string()),
-        (
-            "regressor",
-            format!(
-                "network: {} steps, best at {}, {:.3} mm on {} clips; {:.0} % of the mixture with the shortcut, gain {:.2}",
-                config.regressor.training.steps,
-                learned.regressor.best_step,
-                learned.regressor.best_mm,
-                if split.validation.is_empty() { "training" } else { "validation" },
-                100.0 * learned.regressor.share,
-                learned.regressor.gain
-            ),
-        ),
     ]
-    .map(|(term, value)| (term.to_owned(), value))
-    .to_vec()
+    .map(|(term, value)| (term.to_owned(), value));
+    facts.into_iter().chain(learned.facts.iter().cloned()).collect()
 }
 
 /// Loss and validation curves out of the log, thinned to a few hundred points a stage.

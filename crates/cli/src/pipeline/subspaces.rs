@@ -46,8 +46,7 @@ pub fn learn_subspaces(
         train.coefficients.extend(mirrored.coefficients);
         train.subjects.extend(mirrored.subjects);
     }
-    let selection = if split.validation.is_empty() { &split.train } else { &split.validation };
-    let validation = frames(selection, &subjects, body, fit, &pca.basis, false)?;
+    let validation = frames(split.selection(), &subjects, body, fit, &pca.basis, false)?;
     let surface = surface(body, fit, &subjects, &pca.basis)?;
     let mut learned = BTreeMap::new();
     for &latents in &config.sizes {

@@ -43,7 +43,18 @@ pub fn is_channel(name: &str) -> bool {
 pub fn by_rank(a: &str, b: &str) -> Ordering {
     let rank = |name: &str| {
         let base = name.split('/').next().unwrap_or(name);
-        const ORDER: [&str; 6] = ["body", "mean", "ridge", "ar2-pooled", "ar2-subject", "resonators"];
+        const ORDER: [&str; 10] = [
+            "body",
+            "mean",
+            "ridge",
+            "ar2-pooled",
+            "ar2-subject",
+            "resonators",
+            "dyna",
+            "casas-otaduy",
+            "softsmpl",
+            "autoavatar",
+        ];
         let place = ORDER.iter().position(|o| *o == base).unwrap_or(ORDER.len());
         let place = match name {
             crate::OURS => ORDER.len() + 2,

@@ -1,0 +1,203 @@
+use crate::descriptor::DescriptorConfig;
+use crate::{Linear, Regressor, RegressorState, Subspace, SubspaceScratch};
+
+/// What turns a motion's features into deltas: a variant for each family of methods.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Model {
+    /// SoftSMPL (2020) and ours: a regressor of latent numbers and their decoder.
+    Recurrent(RecurrentModel),
+}
+
+/// What a [`Model`] remembers of the motion of one body, and its working memory.
+#[derive(Clone, Debug)]
+pub enum ModelState {
+    /// Of a [`RecurrentModel`].
+    Recurrent(RecurrentState),
+}
+
+/// From features to latent to deltas.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RecurrentModel {
+    /// From features to latent. Its limits are those of the training data.
+    pub regressor: Regressor,
+    /// From latent to deltas. Modes that a descriptor projects on are the first rows of its basis.
+    pub subspace: Subspace,
+}
+
+/// What a [`RecurrentModel`] remembers.
+#[derive(Clone, Debug)]
+pub struct RecurrentState {
+    regressor: RegressorState,
+    scratch: SubspaceScratch,
+}
+
+/// Most latent numbers, components, hidden units and features of a bundle: far above what is useful, far below what
+/// hurts.
+pub(crate) const LARGEST_WIDTH: usize = 1 << 16;
+/// Most shape terms, and their highest power.
+const MOST_TERMS: (usize, u8) = (64, 4);
+
+impl Model {
+    /// Features a frame that it takes from the descriptor, `D`.
+    pub fn feature_count(&self) -> usize {
+        match self {
+            Self::Recurrent(m) => m.regressor.input.input_size,
+        }
+    }
+    /// Vertices `V` that it moves.
+    pub fn vertex_count(&self) -> usize {
+        match self {
+            Self::Recurrent(m) => m.subspace.vertex_count(),
+        }
+    }
+    /// Orthonormal delta modes `[K, V * 3]` that a descriptor may project forces on; `None` if the model has none.
+    pub fn modes(&self) -> Option<&[f32]> {
+        match self {
+            Self::Recurrent(m) => Some(m.subspace.basis.directions.data()),
+        }
+    }
+    /// The recurrent model, where it is one.
+    pub fn recurrent(&self) -> Option<&RecurrentModel> {
+        match self {
+            Self::Recurrent(m) => Some(m),
+        }
+    }
+    /// Index, least and greatest value in training of each shape coefficient that it looks at.
+    pub fn shape_limits(&self) -> Vec<(u32, f32, f32)> {
+        match self {
+            Self::Recurrent(m) => m.regressor.shape.limits(),
+        }
+    }
+
+    /// The state before the first frame, for a body of shape `beta`.
+    pub fn start(&self, beta: &[f32]) -> ModelState {
+        match self {
+            Self::Recurrent(m) => ModelState::Recurrent(m.start(beta)),
+        }
+    }
+    /// One frame: features `[D]` in, `deltas [V * 3]` (metres, rest frame) out. Returns how many features were clipped
+    /// to their range in training. Allocates nothing. Panics if the state is another model's.
+    pub fn step(&self, features: &[f32], state: &mut ModelState, deltas: &mut [f32]) -> usize {
+        match (self, state) {
+            (Self::Recurrent(m), ModelState::Recurrent(state)) => m.step(features, state, deltas),
+        }
+    }
+
+    /// Whether its parts fit together and to the descriptor; the sentence says what does not.
+    pub(crate) fn check(&self, descriptor: &DescriptorConfig) -> Result<(), String> {
+        match self {
+            Self::Recurrent(m) => m.check(descriptor),
+        }
+    }
+}
+
+impl ModelState {
+    /// Forgets the motion, not the body.
+    pub fn reset(&mut self) {
+        match self {
+            Self::Recurrent(s) => s.regressor.reset(),
+        }
+    }
+    /// Whether what it remembers is finite.
+    pub fn is_finite(&self) -> bool {
+        match self {
+            Self::Recurrent(s) => s.regressor.is_finite(),
+        }
+    }
+    /// The few numbers behind the newest deltas.
+    pub fn latent(&self) -> &[f32] {
+        match self {
+            Self::Recurrent(s) => s.regressor.latent(),
+        }
+    }
+}
+
+impl RecurrentModel {
+    fn start(&self, beta: &[f32]) -> RecurrentState {
+        RecurrentState { regressor: self.regressor.start(beta), scratch: self.subspace.scratch() }
+    }
+
+    fn step(&self, features: &[f32], state: &mut RecurrentState, deltas: &mut [f32]) -> usize {
+        let clipped = self.regressor.step(features, &mut state.regressor);
+        self.subspace.decode(state.regressor.latent(), deltas, &mut state.scratch);
+        clipped
+    }
+
+    fn check(&self, descriptor: &DescriptorConfig) -> Result<(), String> {
+        let Self { regressor, subspace } = self;
+        check_subspace(subspace)?;
+        check_regressor(regressor)?;
+        fits("regressor and decoder, latent", &[regressor.latent_count()], &[subspace.latent_count()])?;
+        let Some(bank) = &regressor.bank else { return Ok(()) };
+        fits("resonator bank, channels", &[bank.channels().min(regressor.feature_count())], &[bank.channels()])?;
+        if bank.fps() != descriptor.fps {
+            return Err(format!(
+                "its resonators are for {} frames a second, its features for {}; export it again",
+                bank.fps(),
+                descriptor.fps
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn check_subspace(subspace: &Subspace) -> Result<(), String> {
+    let (k, l) = (subspace.components(), subspace.latent_count());
+    let basis = &subspace.basis;
+    fits("basis", &[basis.mean.len()], &[3 * subspace.vertex_count()])?;
+    for (what, width) in [("components", k), ("latent numbers", l)] {
+        if !(1..=LARGEST_WIDTH).contains(&width) {
+            return Err(format!("it has {width} {what}, expected 1 to {LARGEST_WIDTH}; export it again"));
+        }
+    }
+    fits("basis directions", &[basis.directions.cols()], &[basis.mean.len()])?;
+    fits("coefficient mean", &[basis.coefficient_mean.len()], &[k])?;
+    check_linear("decoder.lift", &subspace.decoder.lift, l, k)?;
+    check_linear("encoder.project", &subspace.encoder.project, k, l)?;
+    for unit in subspace.encoder.units.iter().chain(&subspace.decoder.units) {
+        check_linear("residual unit, inner", &unit.inner, k, unit.inner_width())?;
+        check_linear("residual unit, outer", &unit.outer, unit.inner_width(), k)?;
+    }
+    Ok(())
+}
+
+fn check_regressor(regressor: &Regressor) -> Result<(), String> {
+    regressor.input.check()?;
+    regressor.shape.check()?;
+    let (d, b, l) = (regressor.feature_count(), regressor.shape_count(), regressor.latent_count());
+    let a = regressor.memory_count();
+    let widest = [d, a, b, regressor.input.input_size, regressor.shape.input_size].into_iter().max().unwrap_or(0);
+    if widest > LARGEST_WIDTH {
+        return Err(format!("its regressor has {widest} inputs, expected at most {LARGEST_WIDTH}; export it again"));
+    }
+    let (terms, power) = MOST_TERMS;
+    let rows = &regressor.shape_terms;
+    if rows.len() > terms || rows.iter().any(|row| row.len() > b || row.iter().any(|p| *p > power)) {
+        return Err(format!(
+            "its shape terms are more than {terms}, name a shape input past {b} or a power above {power}; export it again"
+        ));
+    }
+    check_linear("shortcut", &regressor.shortcut, rows.len() * a + b, l)?;
+    if let Some(recurrent) = &regressor.recurrent {
+        let h = recurrent.gru.width();
+        let gru = &recurrent.gru;
+        fits("gru.w_ih", &[gru.w_ih.rows(), gru.w_ih.cols()], &[3 * h, d + b])?;
+        fits("gru.w_hh", &[gru.w_hh.rows(), h], &[3 * h, h])?;
+        fits("gru biases", &[gru.b_ih.len(), gru.b_hh.len()], &[3 * h, 3 * h])?;
+        check_linear("readout", &recurrent.readout, h, l)?;
+    }
+    Ok(())
+}
+
+/// Whether a layer takes and gives as many numbers as it should.
+pub(crate) fn check_linear(name: &str, linear: &Linear, inputs: usize, outputs: usize) -> Result<(), String> {
+    fits(name, &[linear.outputs(), linear.inputs(), linear.bias.len()], &[outputs, inputs, outputs])
+}
+
+/// Whether sizes are those that others ask for.
+pub(crate) fn fits(what: &str, found: &[usize], expected: &[usize]) -> Result<(), String> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(format!("its {what} has size {found:?}, expected {expected:?}; export it again"))
+}
