@@ -3,6 +3,7 @@
 mod bad_input;
 mod browser;
 mod command;
+mod comparison;
 mod main_job;
 mod resume;
 mod support;

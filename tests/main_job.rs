@@ -40,7 +40,7 @@ fn the_job_leaves_bundle_report_animation_and_measures() {
         assert!(value.is_some() || (gate == "run.peak_memory" && !cfg!(target_os = "linux")), "{gate}");
         assert!(run.said.out.contains(gate), "{gate} is missing in {}", run.said.out);
     }
-    assert_eq!(metrics["shape_response"]["softtissue"].as_array().expect("a curve").len(), 5);
+    assert_eq!(metrics["shape_response"]["softtissue"].as_array().expect("a curve").len(), 7);
     let decays = metrics["decays"].as_array().expect("decays");
     for region in ["belly", "chest", "buttocks"] {
         let decay = decays.iter().find(|d| d["region"] == region).expect(region);

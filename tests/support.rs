@@ -98,6 +98,7 @@ checkpoint_every = 4
 bounded_seconds = 10.0
 decay_subjects = 1
 playback_clips = 1
+oracle = false
 "#;
 
 /// Writes [`TINY`] into a folder and returns the file.

@@ -113,6 +113,9 @@ pub struct EvalArgs {
     /// How clips are left out.
     #[arg(long, value_enum, default_value = "held-out")]
     pub protocol: Protocol,
+    /// Other runs or bundles to judge beside this one, on this run's test clips: once for each.
+    #[arg(long, value_name = "DIR")]
+    pub against: Vec<PathBuf>,
     /// Which folds, by motion, subject or Dyna's case, separated by commas; `all` for every one.
     #[arg(long, value_name = "NAMES")]
     pub folds: Option<String>,

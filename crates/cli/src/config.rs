@@ -116,6 +116,9 @@ pub struct EvalConfig {
     /// Whether the clips are fitted once more with the posed objective, to be shown beside the unposed one
     /// (Casas-Otaduy 2018 fig. 3). Costs as much as the fit. Default true.
     pub compare_objectives: bool,
+    /// Whether the simulator, with the mean material on each person's shape, is judged beside the methods: what could
+    /// be known of a person whose flesh was never seen. Generated scans only. Default true.
+    pub oracle: bool,
 }
 
 impl Default for Config {
@@ -163,7 +166,7 @@ impl Default for RegressorSection {
 
 impl Default for EvalConfig {
     fn default() -> Self {
-        Self { bounded_seconds: 600.0, decay_subjects: 2, playback_clips: 2, compare_objectives: true }
+        Self { bounded_seconds: 600.0, decay_subjects: 2, playback_clips: 2, compare_objectives: true, oracle: true }
     }
 }
 

@@ -6,6 +6,11 @@ use softtissue_store::{StoreError, create_dir};
 use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
 
+/// The measures, in a run's folder.
+pub const METRICS_FILE: &str = "metrics.json";
+/// The report, in a run's folder.
+pub const REPORT_FILE: &str = "report/index.html";
+
 /// A run folder, held by this process alone until dropped.
 pub struct RunFolder {
     root: PathBuf,
@@ -88,11 +93,15 @@ impl RunFolder {
     }
     /// The report.
     pub fn report(&self) -> PathBuf {
-        self.root.join("report").join("index.html")
+        self.root.join(REPORT_FILE)
     }
     /// The measures.
     pub fn metrics(&self) -> PathBuf {
-        self.root.join("metrics.json")
+        self.root.join(METRICS_FILE)
+    }
+    /// Measures and report with other runs beside this one.
+    pub fn comparison(&self) -> PathBuf {
+        self.root.join("comparison")
     }
     /// Writes a text file.
     pub fn write_text(&self, name: &str, text: &str) -> Result<()> {

@@ -116,7 +116,7 @@ fn judge_clip(scene: &Scene, methods: &[&dyn Method], id: &ClipId, fold: Option<
     for channel in [Channel::Exact, Channel::Fitted, Channel::Rough] {
         let Some(motion) = scene.motion(id, channel)? else { continue };
         let main = channel == scene.main_channel();
-        for method in methods.iter().filter(|m| main || m.name() != "body") {
+        for method in methods.iter().filter(|m| main || !m.main_channel_only()) {
             let predicted = rollout(*method, id, &beta, &motion, deltas.len(), scene.body.vertex_count())?;
             by_name.insert(name_in(method.name(), channel, main), MethodTally::of(&predicted, &reference));
         }

@@ -8,6 +8,10 @@ use softtissue_geometry::Frames;
 pub trait Method: Sync {
     /// Name in `metrics.json`, e.g. `softtissue` or `ar2-subject`; a variant follows a slash.
     fn name(&self) -> &str;
+    /// Whether only the main source of pose is of interest: nothing would be learned from others.
+    fn main_channel_only(&self) -> bool {
+        false
+    }
     /// Free rollout from zero state: deltas `[T, V, 3]` in metres, one frame for every frame of `motion`.
     /// `subject` names the person for methods that were fitted to one, `beta` is the shape.
     fn rollout(&self, subject: &str, beta: &[f32], motion: &MotionClip) -> Result<Frames, MethodError>;
@@ -34,6 +38,9 @@ pub struct BodyAlone {
 impl Method for BodyAlone {
     fn name(&self) -> &str {
         "body"
+    }
+    fn main_channel_only(&self) -> bool {
+        true
     }
     fn rollout(&self, _: &str, _: &[f32], motion: &MotionClip) -> Result<Frames, MethodError> {
         Ok(Frames::zeros(self.vertex_count, motion.len()))

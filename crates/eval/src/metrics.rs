@@ -1,3 +1,4 @@
+use crate::report::{by_rank, is_channel};
 use crate::{EvalError, Gate, Result};
 use serde::{Deserialize, Serialize};
 use softtissue_clips::ClipId;
@@ -259,6 +260,14 @@ impl ClipMetrics {
 }
 
 impl Metrics {
+    /// Methods on the main source of pose, from the plainest up.
+    pub fn main_methods(&self) -> Vec<(&str, &MethodMetrics)> {
+        let mut all: Vec<(&str, &MethodMetrics)> = self.methods.iter().map(|(n, m)| (n.as_str(), m)).collect();
+        all.retain(|(name, _)| !is_channel(name));
+        all.sort_by(|a, b| by_rank(a.0, b.0));
+        all
+    }
+
     /// Writes `metrics.json`, atomically. A number that JSON cannot hold is refused.
     pub fn write(&self, path: &Path) -> Result<()> {
         let value = serde_json::to_value(self)

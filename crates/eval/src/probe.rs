@@ -2,6 +2,7 @@ use crate::judge::rollout;
 use crate::measures::{RegionPeaks, fit_decay, looped, region_mean, rest_ratio};
 use crate::tally::MOVING;
 use crate::{DecayFigures, DecayMetrics, EvalError, Method, MethodMetrics, Metrics, Result, Scene};
+use rayon::prelude::*;
 use softtissue_body::{BodyModel, Region};
 use softtissue_clips::{ClipId, MotionClip};
 use softtissue_geometry::Frames;
@@ -160,8 +161,7 @@ pub fn judge_shapes(
 ) -> Result<()> {
     monitor.begin("judge shapes", (methods.len() * values.len()) as u64, "rollouts");
     for method in methods {
-        let mut curve = Vec::new();
-        for value in values {
+        let speed = |value: &f32| {
             if monitor.should_stop() {
                 return Err(EvalError::Stopped);
             }
@@ -169,13 +169,12 @@ pub fn judge_shapes(
             shape.resize(shape.len().max(2), 0.0);
             shape[1] = *value;
             let deltas = rollout(*method, &motion.id, &shape, motion, motion.len(), body.vertex_count())?;
-            let speed = mean_speed(&deltas, motion.fps);
-            if speed.is_finite() {
-                curve.push([f64::from(*value), speed]);
-            }
             monitor.advance(1, method.name());
-        }
-        metrics.shape_response.insert(method.name().to_owned(), curve);
+            Ok([f64::from(*value), mean_speed(&deltas, motion.fps)])
+        };
+        let curve: Vec<[f64; 2]> = values.par_iter().map(speed).collect::<Result<_>>()?;
+        let finite = curve.into_iter().filter(|[_, speed]| speed.is_finite()).collect();
+        metrics.shape_response.insert(method.name().to_owned(), finite);
     }
     monitor.end();
     Ok(())

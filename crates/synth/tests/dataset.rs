@@ -5,7 +5,7 @@ use softtissue_clips::{ClipId, ScanSet, TruthSet};
 use softtissue_geometry::{rotation_from_axis_angle, vertex_normals};
 use softtissue_monitor::{Monitor, Silent};
 use softtissue_synth::SynthError;
-use softtissue_synth::dataset::{Bodies, SynthConfig, scans_path, truth_path, write_with};
+use softtissue_synth::dataset::{Bodies, SynthConfig, mean_flesh, scans_path, true_clip, truth_path, write_with};
 use softtissue_synth::flesh::{FleshConfig, Material};
 use softtissue_synth::motion::{Figure, MOTIONS, Request, Style, ground_reaction, landing_peaks, perform};
 use softtissue_synth::scanner::{ScannerConfig, clean, rough_motion, scan};
@@ -330,4 +330,22 @@ fn senseless_configurations_are_refused_by_name() {
         assert_eq!(write_with(&config, bodies(), out.path(), &Silent).unwrap_err().to_string(), error);
         assert!(files(out.path()).is_empty(), "something was written for {error}");
     }
+}
+
+#[test]
+fn mean_flesh_is_that_of_a_person_without_hidden_material() {
+    let neutral = SubjectConfig { shape_scatter: 0.7, ..SubjectConfig::neutral() };
+    let config = SynthConfig { subjects: neutral, frames: 40, ..small() };
+    let body = bodies().scanned();
+    let person = |config: &SynthConfig| {
+        Subject::draw(&body.model, &body.anatomy, &config.material, &config.subjects, config.seed, 1, 28.0).unwrap()
+    };
+    let (motion, truth) = true_clip(&config, bodies(), "s01", "jumping_jacks").unwrap();
+    let oracle = mean_flesh(&config, bodies(), &person(&config).beta, &motion).unwrap();
+    assert_eq!(oracle.deltas, truth.deltas);
+    let scattered =
+        SynthConfig { subjects: SubjectConfig { stiffness_scatter: 0.2, ..config.subjects.clone() }, ..config };
+    let (motion, truth) = true_clip(&scattered, bodies(), "s01", "jumping_jacks").unwrap();
+    let oracle = mean_flesh(&scattered, bodies(), &person(&scattered).beta, &motion).unwrap();
+    assert_ne!(oracle.deltas, truth.deltas, "hidden material is not in it");
 }

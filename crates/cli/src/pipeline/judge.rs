@@ -3,12 +3,13 @@
 use super::basis::count_components;
 use super::bundle::{BundleMethod, LearnedCodec};
 use super::context::Context;
+use super::job::Prepared;
 use super::learn::Learned;
+use super::oracle::Oracle;
 use super::probes::stop_probes;
 use super::scans::Scans;
 use crate::memory::peak_memory_bytes;
 use anyhow::Result;
-use softtissue_body::BodyModel;
 use softtissue_clips::{ClipId, FitSet, Split};
 use softtissue_eval::{
     CodecPair, DecayTrace, LongRollout, Method, Metrics, Scene, Tally, acceptance, judge, judge_bounded, judge_fit,
@@ -27,21 +28,20 @@ pub struct Judgement {
     pub decays: Vec<DecayTrace>,
 }
 
-/// Judges a learned model on clips that training has not seen. Truth is opened here and nowhere before.
-pub fn judge_run(
-    context: &Context,
-    scans: &Scans,
-    body: &Arc<BodyModel>,
-    fit: &FitSet,
-    split: &Split,
-    learned: &Learned,
-) -> Result<Judgement> {
+/// Judges a learned model, and `others` beside it, on clips that training has not seen. Truth is opened here and
+/// nowhere before.
+pub fn judge_run(context: &Context, job: &Prepared, learned: &Learned, others: &[BundleMethod]) -> Result<Judgement> {
+    let Prepared { scans, body, fit, split, .. } = job;
     let truth = scans.open_truth()?;
+    let oracle = oracle(context, scans)?;
     let scene = Scene { body, fit, scans: Some(&scans.set), truth: truth.as_ref() };
     let ours = BundleMethod { name: learned.bundle.info.method.clone(), bundle: Arc::clone(&learned.bundle) };
-    let mut methods: Vec<&dyn Method> = vec![&ours];
+    let mut rivals: Vec<&dyn Method> = vec![&ours];
+    rivals.extend(others.iter().map(|m| m as &dyn Method));
+    let mut methods = rivals.clone();
     methods.extend(learned.ablations.iter().map(|m| m as &dyn Method));
     methods.extend(learned.ladder.iter().map(|m| m as &dyn Method));
+    methods.extend(oracle.iter().map(|m| m as &dyn Method));
     let clips = &split.test;
 
     let mut tally = Tally::default();
@@ -58,13 +58,17 @@ pub fn judge_run(
             context.timed("judge: fit objectives", || scans.compare_objectives(context, body, split, &scene))?;
     }
     if context.config.eval.bounded_seconds > 0.0 {
-        context.timed("judge: long rollout", || bounded(&mut metrics, &scene, split, &ours, context))?;
+        context.timed("judge: long rollout", || bounded(&mut metrics, &scene, split, &rivals, context))?;
     }
-    context.timed("judge: shapes", || shapes(&mut metrics, &scene, clips, &ours, context))?;
+    context.timed("judge: shapes", || {
+        let mut asked = rivals.clone();
+        asked.extend(oracle.iter().map(|m| m as &dyn Method));
+        shapes(&mut metrics, &scene, clips, &asked, context)
+    })?;
     let decays = context.timed("judge: rest and decay", || {
         let probes = stop_probes(context, fit, split, truth.is_some() && scans.generated)?;
         let ladder = learned.ladder.iter().filter(|m| m.name.starts_with("ar2-subject") || m.name == "resonators");
-        let mut heard: Vec<&dyn Method> = vec![&ours];
+        let mut heard = rivals.clone();
         heard.extend(ladder.map(|m| m as &dyn Method));
         Ok(judge_stops(&mut metrics, body, &heard, &probes, context.monitor)?)
     })?;
@@ -92,20 +96,26 @@ fn on_validation(
     Ok(methods.iter().filter_map(ratio).collect())
 }
 
-/// Values of `beta[1]` at which the answer to body mass is measured; the lowest is the heaviest.
-const SHAPES: [f32; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
+/// The simulator, where the scans are its own.
+pub fn oracle(context: &Context, scans: &Scans) -> Result<Option<Oracle>> {
+    let asked = context.config.eval.oracle && scans.generated;
+    Ok(if asked { Some(Oracle::new(&context.config.synth)?) } else { None })
+}
+
+/// Values of `beta[1]` at which the answer to body mass is measured (SoftSMPL fig. 8); the lowest is the heaviest.
+const SHAPES: [f32; 7] = [-2.5, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5];
 
 /// The heaviest subject's first test clip on bodies of other mass.
 fn shapes(
     metrics: &mut Metrics,
     scene: &Scene,
     clips: &[ClipId],
-    ours: &BundleMethod,
+    methods: &[&dyn Method],
     context: &Context,
 ) -> Result<()> {
     let Some(id) = heaviest(scene.fit, clips)? else { return Ok(()) };
     let Some(motion) = scene.motion(&id, scene.main_channel())? else { return Ok(()) };
-    Ok(judge_shapes(metrics, scene.body, &[ours], &scene.beta(&id)?, &motion, &SHAPES, context.monitor)?)
+    Ok(judge_shapes(metrics, scene.body, methods, &scene.beta(&id)?, &motion, &SHAPES, context.monitor)?)
 }
 
 fn all(split: &Split) -> Vec<ClipId> {
@@ -122,7 +132,13 @@ fn judge_codecs(
     Ok(judge_subspace(scene, &pairs, clips, context.monitor)?)
 }
 
-fn bounded(metrics: &mut Metrics, scene: &Scene, split: &Split, ours: &BundleMethod, context: &Context) -> Result<()> {
+fn bounded(
+    metrics: &mut Metrics,
+    scene: &Scene,
+    split: &Split,
+    methods: &[&dyn Method],
+    context: &Context,
+) -> Result<()> {
     let Some(heaviest) = heaviest(scene.fit, &split.train)? else { return Ok(()) };
     let motions = split
         .train
@@ -133,7 +149,7 @@ fn bounded(metrics: &mut Metrics, scene: &Scene, split: &Split, ours: &BundleMet
     let training = training_peaks(scene, &split.train)?;
     let seconds = context.config.eval.bounded_seconds;
     let long = LongRollout { subject: &heaviest, motions: &motions, seconds, training: &training };
-    Ok(judge_bounded(metrics, scene, &[ours], &long, context.monitor)?)
+    Ok(judge_bounded(metrics, scene, methods, &long, context.monitor)?)
 }
 
 /// A clip of the subject with the least `beta[1]`: the heaviest.

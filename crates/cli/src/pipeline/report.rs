@@ -11,15 +11,17 @@ use softtissue_eval::Scene;
 use softtissue_eval::report::{ReportInput, StageTime, TrainingCurve, playback, write};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::sync::Arc;
 
-/// Writes `report/index.html`.
+/// Writes a report to `path`.
 pub fn write_report(
     context: &Context,
     title: &str,
     job: &Prepared,
     learned: &Learned,
     judgement: &Judgement,
+    path: &Path,
 ) -> Result<()> {
     let truth = job.scans.open_truth()?;
     let scene = Scene { body: &job.body, fit: &job.fit, scans: Some(&job.scans.set), truth: truth.as_ref() };
@@ -40,7 +42,7 @@ pub fn write_report(
         body: &job.body,
         playback: &playback,
     };
-    Ok(write(&input, &context.run.report())?)
+    Ok(write(&input, path)?)
 }
 
 /// Test clips of the heaviest subjects first: there the flesh is seen to move.

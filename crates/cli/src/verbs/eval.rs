@@ -1,13 +1,15 @@
 //! `eval`: judges a run, or a protocol that trains again without what it judges.
 
 use crate::args::{EvalArgs, Protocol};
-use crate::exit::InputError;
-use crate::pipeline::{BundleMethod, Context, Opened, fold, heaviest, learn, open, prepare};
+use crate::exit::{InputError, UsageError};
+use crate::pipeline::{
+    BundleMethod, Context, Learned, Opened, fold, heaviest, learn, open, open_others, oracle, prepare,
+};
 use crate::run_folder::RunFolder;
 use crate::settings::stored;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
-use crate::verbs::train::{Provenance, finish};
+use crate::verbs::train::{Provenance, finish, print_methods};
 use anyhow::Result;
 use softtissue_eval::protocol::{Fold, FoldChoice, dyna_cases, leave_one_sequence_out, leave_one_subject_out};
 use softtissue_eval::{Method, Metrics, Scene, Tally, judge};
@@ -26,6 +28,10 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
             format!("{} has no finished bundle: go on with `softtissue train --resume` first", args.run.display());
         return Err(InputError(message).into());
     }
+    if !args.against.is_empty() && args.protocol != Protocol::HeldOut {
+        let message = "--against judges finished bundles, which saw what a fold leaves out; leave --protocol out";
+        return Err(UsageError(message.into()).into());
+    }
     let config = stored(&path)?;
     let provenance: Provenance = read_json(&args.run.join("provenance.json"))?;
     let terminal = Terminal::new(signals.clone(), args.quiet);
@@ -40,7 +46,14 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
         context.learns = false;
         let job = prepare(&context, opened)?;
         let learned = learn(&context, &job.place, &job.body, &job.fit, &job.split, &folder.bundle())?;
-        finish(&context, &provenance.configuration, &job, &learned)?.metrics
+        let mut taken: Vec<String> = methods_of(&learned).map(|m| m.name().to_owned()).collect();
+        taken.push(learned.bundle.info.method.clone());
+        let others = open_others(&args.against, &job, &taken)?;
+        let metrics = finish(&context, &provenance.configuration, &job, &learned, &others)?.metrics;
+        if !others.is_empty() {
+            context.monitor.say(&format!("comparison: {}", folder.comparison().display()));
+        }
+        metrics
     } else {
         protocol(args, &context, &opened)?
     };
@@ -48,17 +61,14 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
         crate::print_line(&serde_json::to_string(&metrics)?);
         return Ok(());
     }
-    for (name, m) in &metrics.methods {
-        if let Some(ratio) = m.soft_ratio {
-            crate::print_line(&format!("{name:<30} soft ratio {ratio:.3}"));
-        }
-    }
+    print_methods(&metrics);
     Ok(())
 }
 
 fn protocol(args: &EvalArgs, context: &Context, base: &Opened) -> Result<Metrics> {
     let (name, folds) = folds(args, context, base)?;
     let mut tally = Tally::default();
+    let oracle = oracle(context, &base.scans)?;
     for Fold { name: left_out, split } in folds {
         let prefix = format!("{name}/{}", left_out.replace('/', "."));
         let bundle_dir = context.run.root().join("folds").join(&prefix);
@@ -69,7 +79,8 @@ fn protocol(args: &EvalArgs, context: &Context, base: &Opened) -> Result<Metrics
         let scene = Scene { body: &job.body, fit: &job.fit, scans: Some(&job.scans.set), truth: truth.as_ref() };
         let ours = BundleMethod { name: learned.bundle.info.method.clone(), bundle: Arc::clone(&learned.bundle) };
         let mut methods: Vec<&dyn Method> = vec![&ours];
-        methods.extend(learned.ladder.iter().map(|m| m as &dyn Method));
+        methods.extend(methods_of(&learned));
+        methods.extend(oracle.iter().map(|m| m as &dyn Method));
         let mut one = Tally::default();
         judge(&mut one, &scene, &methods, &job.split.test, Some(&left_out), context.monitor)?;
         if let Some(ratio) = one.metrics(name, 0).methods.get(ours.name()).and_then(|m| m.soft_ratio) {
@@ -82,6 +93,12 @@ fn protocol(args: &EvalArgs, context: &Context, base: &Opened) -> Result<Metrics
     metrics.write(&path)?;
     crate::print_line(&format!("measures: {}", path.display()));
     Ok(metrics)
+}
+
+/// What a run is judged beside: its ablations and the ladder.
+fn methods_of(learned: &Learned) -> impl Iterator<Item = &dyn Method> {
+    let ladder = learned.ladder.iter().map(|m| m as &dyn Method);
+    learned.ablations.iter().map(|m| m as &dyn Method).chain(ladder)
 }
 
 fn folds(args: &EvalArgs, context: &Context, base: &Opened) -> Result<(&'static str, Vec<Fold>)> {

@@ -4,9 +4,10 @@ use crate::args::TrainArgs;
 use crate::config::Config;
 use crate::exit::UsageError;
 use crate::pipeline::{
-    Context, Judgement, Learned, Prepared, heaviest, judge_run, learn, needs_test_clips, open, prepare, write_report,
+    BundleMethod, Context, Judgement, Learned, Prepared, heaviest, judge_run, learn, needs_test_clips, open, prepare,
+    write_report,
 };
-use crate::run_folder::RunFolder;
+use crate::run_folder::{METRICS_FILE, REPORT_FILE, RunFolder};
 use crate::settings::{Resolved, resolve, stored};
 use crate::signals::Signals;
 use crate::terminal::Terminal;
@@ -16,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use softtissue_bundle::Player;
 use softtissue_clips::Split;
+use softtissue_eval::Metrics;
 use softtissue_export::{Animation, GltfConfig, write_gltf};
 use softtissue_monitor::Monitor;
 use softtissue_store::{StoreError, read_json, write_json_atomic};
@@ -82,7 +84,7 @@ pub fn run(args: &TrainArgs, signals: &Signals) -> Result<()> {
         crate::print_line(&format!("bundle: {}", folder.bundle().display()));
         return Ok(());
     }
-    let judgement = finish(&context, &provenance.configuration, &job, &learned)?;
+    let judgement = finish(&context, &provenance.configuration, &job, &learned, &[])?;
     context.timed("animation", || animate(&job, &learned, &folder, &terminal))?;
     context.log.event(json!({"event": "done", "seconds": begun.elapsed().as_secs_f64()}))?;
     if args.json {
@@ -93,11 +95,19 @@ pub fn run(args: &TrainArgs, signals: &Signals) -> Result<()> {
     Ok(())
 }
 
-/// Judges, writes `metrics.json` and the report.
-pub fn finish(context: &Context, title: &str, job: &Prepared, learned: &Learned) -> Result<Judgement> {
-    let judgement = judge_run(context, &job.scans, &job.body, &job.fit, &job.split, learned)?;
-    judgement.metrics.write(&context.run.metrics())?;
-    context.timed("report", || write_report(context, title, job, learned, &judgement))?;
+/// Judges, writes the measures and the report: the run's own, or, with other bundles beside it, those of the comparison.
+pub fn finish(
+    context: &Context,
+    title: &str,
+    job: &Prepared,
+    learned: &Learned,
+    others: &[BundleMethod],
+) -> Result<Judgement> {
+    let judgement = judge_run(context, job, learned, others)?;
+    let folder = if others.is_empty() { context.run.root().to_owned() } else { context.run.comparison() };
+    judgement.metrics.write(&folder.join(METRICS_FILE))?;
+    let report = folder.join(REPORT_FILE);
+    context.timed("report", || write_report(context, title, job, learned, &judgement, &report))?;
     Ok(judgement)
 }
 
@@ -196,23 +206,28 @@ fn animate(job: &Prepared, learned: &Learned, folder: &RunFolder, monitor: &dyn 
     Ok(())
 }
 
-fn summary(judgement: &Judgement, folder: &RunFolder, seconds: f64) {
-    let metrics = &judgement.metrics;
+/// The methods' table, from the plainest up, on the main source of pose; the report has the others.
+pub fn print_methods(metrics: &Metrics) {
     crate::print_line("");
-    crate::print_line("method                         mean mm   soft ratio   energy");
-    for (name, m) in &metrics.methods {
-        let number = |x: Option<f64>, digits: usize| x.map_or_else(|| "-".into(), |x| format!("{x:.digits$}"));
+    crate::print_line(&format!("{:<34} {:>7}   {:>10}   {:>6}", "method", "mean mm", "soft ratio", "energy"));
+    let number = |x: Option<f64>, digits: usize| x.map_or_else(|| "-".into(), |x| format!("{x:.digits$}"));
+    for (name, m) in metrics.main_methods() {
         let all = m.regions.get("all").and_then(|r| r.mean_mm);
         let energy = m.regions.get("soft").and_then(|r| r.energy_ratio);
         if all.is_some() {
             crate::print_line(&format!(
-                "{name:<30} {:>7}   {:>10}   {:>6}",
+                "{name:<34} {:>7}   {:>10}   {:>6}",
                 number(all, 3),
                 number(m.soft_ratio, 3),
                 number(energy, 2)
             ));
         }
     }
+}
+
+fn summary(judgement: &Judgement, folder: &RunFolder, seconds: f64) {
+    let metrics = &judgement.metrics;
+    print_methods(metrics);
     crate::print_line("");
     crate::print_line("acceptance                     found        asked");
     for (name, gate) in &metrics.gates {

@@ -10,6 +10,7 @@ mod text;
 
 pub use playback::{PlaybackClip, playback};
 pub(crate) use text::number;
+pub(crate) use text::{by_rank, is_channel};
 
 use crate::{DecayTrace, Metrics, Result, Tally};
 use softtissue_body::BodyModel;

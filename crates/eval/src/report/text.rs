@@ -28,7 +28,11 @@ pub fn method_label(name: &str) -> String {
         "ar2-pooled" => "AR(2), pooled",
         "ar2-subject" => "AR(2), per subject",
         "resonators" => "resonator bank",
-        "softtissue" => "softtissue",
+        "dyna" => "Dyna (2015)",
+        "casas-otaduy" => "Casas and Otaduy (2018)",
+        "softsmpl" => "SoftSMPL (2020)",
+        "autoavatar" => "AutoAvatar (2022)",
+        "oracle" => "simulator, mean flesh",
         other => other,
     };
     variant.map_or_else(|| words.to_owned(), |v| format!("{words} · {v}"))
@@ -43,7 +47,7 @@ pub fn is_channel(name: &str) -> bool {
 pub fn by_rank(a: &str, b: &str) -> Ordering {
     let rank = |name: &str| {
         let base = name.split('/').next().unwrap_or(name);
-        const ORDER: [&str; 10] = [
+        const ORDER: [&str; 11] = [
             "body",
             "mean",
             "ridge",
@@ -54,6 +58,7 @@ pub fn by_rank(a: &str, b: &str) -> Ordering {
             "casas-otaduy",
             "softsmpl",
             "autoavatar",
+            "oracle",
         ];
         let place = ORDER.iter().position(|o| *o == base).unwrap_or(ORDER.len());
         let place = match name {

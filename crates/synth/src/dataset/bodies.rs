@@ -2,6 +2,7 @@ use crate::Result;
 use softtissue_body::procedural::{Levels, ProceduralBody, SubdivisionMap, generate, generate_levels};
 
 use super::SynthConfig;
+use softtissue_geometry::Frames;
 
 /// The body on which the flesh is simulated and the one that is scanned.
 #[derive(Clone, Debug)]
@@ -21,6 +22,14 @@ impl Bodies {
             let Levels { coarse, fine, subdivision } = generate_levels(&config.body())?;
             Self { coarse, fine: Some((fine, subdivision)) }
         })
+    }
+
+    /// Deltas of the simulated level on the mesh that is scanned.
+    pub(super) fn lifted(&self, flesh: Frames) -> Frames {
+        let Some((fine, map)) = &self.fine else { return flesh };
+        let mut lifted = Frames::new(fine.model.vertex_count());
+        flesh.iter().for_each(|frame| lifted.push(&map.lift(frame)));
+        lifted
     }
 
     /// The body that is scanned.

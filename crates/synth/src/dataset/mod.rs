@@ -6,4 +6,4 @@ mod write;
 
 pub use bodies::Bodies;
 pub use config::SynthConfig;
-pub use write::{scans_path, true_clip, truth_path, write, write_with};
+pub use write::{mean_flesh, scans_path, true_clip, truth_path, write, write_with};

@@ -8,7 +8,6 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use softtissue_body::ShapedBody;
 use softtissue_clips::{ClipEntry, ClipId, DeltaClip, MotionClip, ScanSet, TrueSubject, TruthSet};
-use softtissue_geometry::Frames;
 use softtissue_monitor::Monitor;
 use softtissue_store::{read_json, write_json_atomic};
 use std::path::{Path, PathBuf};
@@ -105,6 +104,19 @@ pub fn true_clip(
     Ok((motion, deltas))
 }
 
+/// The deltas of a person of shape `beta` whose flesh is the mean of all: what of a person whom no scan shows can be
+/// known at best. Neither the hidden material nor the pose deformation outside the correctives is in it.
+///
+/// # Errors
+/// A configuration that makes no sense, or a shape whose flesh cannot be built.
+pub fn mean_flesh(config: &SynthConfig, bodies: &Bodies, beta: &[f32], motion: &MotionClip) -> Result<DeltaClip> {
+    config.check()?;
+    let coarse = &bodies.coarse;
+    let simulator = Simulator::new(&coarse.model, &coarse.anatomy, beta, &config.material, &config.flesh)?;
+    let deltas = bodies.lifted(simulator.run(motion)?.deltas);
+    Ok(DeltaClip { id: motion.id.clone(), fps: motion.fps, deltas })
+}
+
 /// Opens the folder: a finished set, or `None` where there is work left. Refuses another configuration's folder.
 fn begin(config: &SynthConfig, out: &Path) -> Result<Option<ScanSet>> {
     let path = out.join("synth.json");
@@ -193,15 +205,7 @@ impl<'a> Maker<'a> {
 
     /// Simulated flesh, lifted to the scanned level, plus the pose deformation outside the correctives.
     fn true_deltas(&self, motion: &MotionClip) -> Result<DeltaClip> {
-        let flesh = self.simulator.run(motion)?.deltas;
-        let mut deltas = match &self.bodies.fine {
-            None => flesh,
-            Some((fine, map)) => {
-                let mut lifted = Frames::new(fine.model.vertex_count());
-                flesh.iter().for_each(|frame| lifted.push(&map.lift(frame)));
-                lifted
-            }
-        };
+        let mut deltas = self.bodies.lifted(self.simulator.run(motion)?.deltas);
         for t in 0..deltas.len() {
             self.subject.mismatch.add(motion.rotations.frame(t), deltas.frame_mut(t));
         }
