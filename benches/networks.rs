@@ -6,7 +6,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use divan::{Bencher, black_box};
 use glam::Vec3;
 use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig, FeatureScaling};
-use softtissue_bundle::{Bundle, BundleInfo, DeltaBasis, Matrix, Model, Player, RecurrentModel, SelfCheck, Subspace};
+use softtissue_bundle::{Bundle, BundleInfo, DeltaBasis, Matrix, Player, RecurrentModel, SelfCheck, Subspace};
 use softtissue_model::{Autoencoder, AutoencoderConfig, Regressor, RegressorConfig, ShortcutStart, host};
 use softtissue_random::Draws;
 use softtissue_train::device;
@@ -68,7 +68,7 @@ impl Model {
             ..Default::default()
         };
         let info = BundleInfo { largest_delta_m: 1.0, ..Default::default() };
-        let plain = Model::Recurrent(RecurrentModel { regressor: plain, subspace });
+        let plain = softtissue_bundle::Model::Recurrent(RecurrentModel { regressor: plain, subspace });
         let bundle = Bundle { info, body, descriptor, model: plain, self_check: SelfCheck::default() };
         let directions = tensor(directions, [COMPONENTS, width], &device);
         Self { bundle, autoencoder, regressor, directions, device }

@@ -4,6 +4,7 @@ mod bad_input;
 mod browser;
 mod command;
 mod comparison;
+mod controls;
 mod main_job;
 mod resume;
 mod support;

@@ -7,6 +7,7 @@
 mod advance;
 mod arrays;
 mod bundle;
+mod controls;
 pub mod descriptor;
 mod error;
 mod file;
@@ -18,9 +19,11 @@ mod player;
 mod posing;
 mod regressor;
 mod resonators;
+mod retarget;
 mod subspace;
 
 pub use bundle::{Bundle, BundleInfo, SelfCheck};
+pub use controls::{Control, Controls};
 pub use error::BundleError;
 pub use file::MANIFEST_FILE;
 pub use manifest::FORMAT_VERSION;

@@ -1,6 +1,8 @@
 use crate::advance::Clock;
+use crate::controls::{Controls, Mixer};
 use crate::descriptor::{Descriptor, DescriptorState};
 use crate::posing::Posing;
+use crate::retarget::Retarget;
 use crate::{Bundle, BundleError, ModelState, Result};
 use glam::Vec3;
 use softtissue_body::{Pose, ShapedBody};
@@ -25,7 +27,12 @@ pub struct Player<B: Deref<Target = Bundle>> {
     shaped: ShapedBody,
     descriptor: Descriptor,
     descriptor_state: DescriptorState,
+    beta: Vec<f32>,
     model_state: ModelState,
+    /// In the place of the model, where an animator asked for changes.
+    mixer: Option<Mixer>,
+    /// In the place of the moving body, where another shows the deltas.
+    shown_on: Option<Retarget>,
     posing: Posing,
     /// Whether `posing` holds the frame that is shown.
     posed: bool,
@@ -107,7 +114,10 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         let look_ahead = bundle.descriptor.look_ahead;
         Ok(Self {
             descriptor_state: descriptor.state(),
+            beta: beta.to_vec(),
             model_state: bundle.model.start(beta),
+            mixer: None,
+            shown_on: None,
             posing: Posing::new(&bundle.body),
             posed: false,
             features: vec![0.0; descriptor.len()],
@@ -124,6 +134,32 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             descriptor,
             bundle,
         })
+    }
+
+    /// Changes what was learned as an animator asks, from rest on. What is asked for is bounded like the model itself:
+    /// gains are factors, frequencies and damping ratios of stable resonators stay stable.
+    ///
+    /// # Errors
+    /// A number out of its range, painted gains of another mesh, or a damping for a model without resonators.
+    pub fn set_controls(&mut self, controls: &Controls) -> Result<()> {
+        let Bundle { model, body, descriptor, .. } = &*self.bundle;
+        self.mixer = match *controls == Controls::default() {
+            true => None,
+            false => Some(Mixer::new(controls, model, body, &self.beta, descriptor.fps)?),
+        };
+        self.reset();
+        Ok(())
+    }
+
+    /// Shows the deltas on another body in the same topology, whose rest mesh is `mesh [V]`, metres; `None` goes back
+    /// to the body that moves. [`Player::deltas`] stay those of the moving body.
+    ///
+    /// # Errors
+    /// Another number of vertices, or one that is not finite.
+    pub fn show_on(&mut self, mesh: Option<Vec<Vec3>>) -> Result<()> {
+        let retarget = |mesh| Retarget::new(&self.bundle.body, &self.shaped, mesh);
+        self.shown_on = mesh.map(retarget).transpose()?;
+        Ok(())
     }
 
     /// What is played.
@@ -149,7 +185,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     /// Forgets what moved, keeps where the body stands.
     pub(crate) fn reset_motion(&mut self) {
         self.descriptor_state = self.descriptor.state();
-        self.model_state.reset();
+        self.reset_model();
         self.deltas.fill(Vec3::ZERO);
         self.clock.stop();
         (self.teleported, self.last_move) = (Vec3::ZERO, Vec3::ZERO);
@@ -196,6 +232,11 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     }
     /// Posed vertices with deltas, `[V]`, metres.
     pub fn vertices(&mut self) -> &[Vec3] {
+        if let Some(other) = &mut self.shown_on {
+            let (pose, shift) = (self.shown.steady(), self.shown.teleported);
+            other.show(&self.bundle.body, pose, &self.deltas, shift, &mut self.vertices);
+            return &self.vertices;
+        }
         if !self.posed {
             self.posing.run(&self.bundle.body, &self.shaped, self.shown.steady());
             self.posed = true;
@@ -295,12 +336,23 @@ impl<B: Deref<Target = Bundle>> Player<B> {
 
     /// From features to deltas.
     fn infer(&mut self, report: &mut StepReport) {
-        let deltas = bytemuck::cast_slice_mut(&mut self.deltas);
-        report.features_clipped = self.bundle.model.step(&self.features, &mut self.model_state, deltas);
-        if !self.model_state.is_finite() || !self.deltas.iter().all(|d| d.is_finite()) {
-            self.model_state.reset();
+        let model = &self.bundle.model;
+        report.features_clipped = match &mut self.mixer {
+            Some(mixer) => mixer.step(model, &self.features, &mut self.deltas),
+            None => model.step(&self.features, &mut self.model_state, bytemuck::cast_slice_mut(&mut self.deltas)),
+        };
+        let state_is_finite = self.mixer.as_ref().map_or(self.model_state.is_finite(), Mixer::is_finite);
+        if !state_is_finite || !self.deltas.iter().all(|d| d.is_finite()) {
+            self.reset_model();
             self.deltas.fill(Vec3::ZERO);
             report.restarted = true;
+        }
+    }
+
+    fn reset_model(&mut self) {
+        self.model_state.reset();
+        if let Some(mixer) = &mut self.mixer {
+            mixer.reset();
         }
     }
 }

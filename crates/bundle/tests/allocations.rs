@@ -6,8 +6,8 @@
 #[allow(dead_code, reason = "this binary needs a part of it")]
 mod tiny;
 
-use softtissue_body::Pose;
-use softtissue_bundle::Player;
+use softtissue_body::{Pose, Region};
+use softtissue_bundle::{Control, Controls, Player};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -35,12 +35,19 @@ fn a_step_allocates_nothing() {
         let bundle = tiny::bundle(parts);
         let mut player = Player::new(&bundle, &[0.5]).unwrap();
         let pose = |t: usize| Pose { rotations: rotations.frame(t), translation: translations[t] };
+        let region = Control { softness: 1.5, damping: 0.5, lag: 0.04, ..Default::default() };
+        let controls = Controls { regions: vec![(Region::Feet, region)], ..Controls::gain(1.2) };
+        let mut controlled = Player::new(&bundle, &[0.5]).unwrap();
+        controlled.set_controls(&controls).unwrap();
+        controlled.show_on(Some(bundle.body.template.clone())).unwrap();
         let before = COUNT.load(Ordering::Relaxed);
         assert!(before > 100, "the counter counts");
         for t in 0..60 {
             player.step(pose(t));
             player.vertices();
             player.advance(pose(t), 0.01);
+            controlled.step(pose(t));
+            controlled.vertices();
         }
         assert_eq!(COUNT.load(Ordering::Relaxed) - before, 0, "{parts:?}");
     }

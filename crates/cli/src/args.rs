@@ -139,9 +139,22 @@ pub struct AnimateArgs {
     /// Shape coefficients separated by commas; default: the mean shape.
     #[arg(long, value_name = "B0,B1,...", allow_hyphen_values = true)]
     pub shape: Option<String>,
+    /// Shape of the body whose flesh moves, shown on the body of --shape or --mesh; default: that of --shape.
+    #[arg(long, value_name = "B0,B1,...", allow_hyphen_values = true)]
+    pub flesh: Option<String>,
+    /// Show the flesh on this rest mesh, an OBJ file in the body's topology (a stylised body, say).
+    #[arg(long, value_name = "FILE")]
+    pub mesh: Option<PathBuf>,
     /// Overall gain of the soft-tissue displacement; 0 gives the body alone.
     #[arg(long, default_value_t = 1.0, allow_hyphen_values = true)]
     pub gain: f32,
+    /// Change a region, or `everywhere`: `belly:gain=2,softness=1.5,damping=0.5,lag=0.02` (factors; lag in seconds).
+    /// Once for each region.
+    #[arg(long, value_name = "REGION:...")]
+    pub control: Vec<String>,
+    /// Paint the gain: an OBJ file in the body's topology with vertex colours; white keeps, black stops the flesh.
+    #[arg(long, value_name = "FILE")]
+    pub paint: Option<PathBuf>,
     /// What to write: `.glb` or `.gltf`, `.png` (a picture of some frames), or a folder for an OBJ sequence.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,

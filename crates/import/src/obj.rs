@@ -31,6 +31,9 @@ impl Default for ImportLimits {
 pub struct ObjFrame {
     /// Vertices in the order of their `v` lines.
     pub positions: Vec<Vec3>,
+    /// Colours of the vertices, red, green and blue from 0 to 1, where every `v` line has them (`v x y z r g b`);
+    /// otherwise empty.
+    pub colors: Vec<Vec3>,
     /// Polygons, 0-based.
     pub faces: Vec<Vec<u32>>,
 }
@@ -47,6 +50,9 @@ pub fn read_obj_frame(path: &Path, limits: &ImportLimits) -> Result<ObjFrame> {
         return Err(ImportError::file(path, "it holds no vertex (`v x y z`); is it a Wavefront OBJ file?"));
     }
     let count = frame.positions.len();
+    if frame.colors.len() != count {
+        frame.colors.clear();
+    }
     if let Some((f, i)) =
         frame.faces.iter().enumerate().find_map(|(f, c)| c.iter().find(|i| **i as usize >= count).map(|i| (f, *i)))
     {
@@ -93,6 +99,11 @@ impl Lines<'_> {
             }
         }
         self.frame.positions.push(Vec3::from_array(xyz));
+        let colors: Vec<f32> = words.map_while(|w| std::str::from_utf8(w).ok()?.parse().ok()).collect();
+        // One more number is a weight (`v x y z w`), not a colour.
+        if let [r, g, b, ..] = colors[..] {
+            self.frame.colors.push(Vec3::new(r, g, b));
+        }
         Ok(())
     }
 

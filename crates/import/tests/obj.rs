@@ -197,3 +197,16 @@ proptest! {
         prop_assert_eq!(frame.faces.iter().map(|f| [f[0], f[1], f[2]]).collect::<Vec<_>>(), faces);
     }
 }
+
+#[test]
+fn colours_of_vertices_are_read_where_every_vertex_has_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let read = |text: &str| {
+        let path = dir.path().join("painted.obj");
+        std::fs::write(&path, text).unwrap();
+        read_obj_frame(&path, &CONFIG.limits).unwrap().colors
+    };
+    assert_eq!(read("v 0 0 0 1 0.5 0\nv 1 0 0 0 0 0.25\n"), [Vec3::new(1.0, 0.5, 0.0), Vec3::new(0.0, 0.0, 0.25)]);
+    assert!(read("v 0 0 0 1 0.5 0\nv 1 0 0\n").is_empty());
+    assert!(read("v 0 0 0 1.0\n").is_empty(), "a weight is no colour");
+}

@@ -5,6 +5,7 @@
 //! `refusals`: bundles that must not open.
 //! `tiny`: a small body and a small bundle made from draws.
 
+mod controls;
 mod descriptor;
 mod format;
 mod player;

@@ -5,9 +5,9 @@ use crate::exit::{InputError, UsageError};
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::contact_sheet;
+use crate::verbs::controls::{controls, rest_mesh};
 use anyhow::Result;
-use softtissue_body::Pose;
-use softtissue_bundle::{Bundle, Player};
+use softtissue_bundle::{Bundle, BundleError, Controls, Player};
 use softtissue_clips::MotionClip;
 use softtissue_export::{Animation, GltfConfig, write_gltf, write_obj_sequence};
 use softtissue_geometry::Frames;
@@ -27,11 +27,23 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
         return Err(UsageError(format!("--gain is {}; write a number between -100 and 100", args.gain)).into());
     }
     let bundle = Bundle::read(&args.bundle)?;
-    let beta = shape(args, &bundle)?;
+    let beta = shape("--shape", args.shape.as_deref(), &bundle)?;
+    let flesh = match &args.flesh {
+        Some(text) => shape("--flesh", Some(text), &bundle)?,
+        None => beta.clone(),
+    };
+    let shown = match &args.mesh {
+        Some(path) => Some(rest_mesh(path, &bundle.body)?),
+        None => args.flesh.as_ref().map(|_| bundle.body.shaped(&beta).vertices),
+    };
+    let mut player = Player::new(&bundle, &flesh)?;
+    player.set_controls(&controls(args, &bundle.body)?).map_err(asked)?;
+    player.show_on(shown).map_err(asked)?;
     let motion = motion(args, &bundle, &beta)?;
-    let frames = play(&bundle, &beta, &motion, args.gain, &terminal)?;
+    let frames = play(&mut player, &motion, &terminal)?;
     if args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
-        let alone = play(&bundle, &beta, &motion, 0.0, &terminal)?;
+        player.set_controls(&Controls::gain(0.0))?;
+        let alone = play(&mut player, &motion, &terminal)?;
         contact_sheet::write(&args.out, &bundle.body.topology, &alone, &frames)?;
         crate::print_line(&args.out.display().to_string());
         return Ok(());
@@ -40,18 +52,18 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     write(&args.out, &name, &bundle, &frames, motion.fps, &terminal)
 }
 
-fn shape(args: &AnimateArgs, bundle: &Bundle) -> Result<Vec<f32>> {
-    let Some(text) = &args.shape else { return Ok(vec![0.0; bundle.body.shape_count()]) };
+fn shape(option: &str, text: Option<&str>, bundle: &Bundle) -> Result<Vec<f32>> {
+    let Some(text) = text else { return Ok(vec![0.0; bundle.body.shape_count()]) };
     let beta = text
         .split(',')
         .map(|b| b.trim().parse::<f32>().ok().filter(|b| b.is_finite() && b.abs() <= 10.0))
         .collect::<Option<Vec<f32>>>()
         .ok_or_else(|| {
-            UsageError(format!("--shape {text:?}: write numbers between -10 and 10, separated by commas"))
+            UsageError(format!("{option} {text:?}: write numbers between -10 and 10, separated by commas"))
         })?;
     if beta.len() > bundle.body.shape_count() {
         let (given, has) = (beta.len(), bundle.body.shape_count());
-        return Err(UsageError(format!("--shape has {given} numbers, but the body has {has}; leave some out")).into());
+        return Err(UsageError(format!("{option} has {given} numbers, but the body has {has}; leave some out")).into());
     }
     Ok(beta)
 }
@@ -81,20 +93,24 @@ fn motion(args: &AnimateArgs, bundle: &Bundle, beta: &[f32]) -> Result<MotionCli
     Ok(clip)
 }
 
-/// Posed vertices `[T, V]` of the body with `gain` times the predicted deltas.
-fn play(bundle: &Bundle, beta: &[f32], motion: &MotionClip, gain: f32, monitor: &dyn Monitor) -> Result<Frames> {
-    let mut player = Player::new(bundle, beta)?;
-    let mut frames = Frames::new(bundle.body.vertex_count());
+/// Posed vertices `[T, V]` of a whole motion.
+fn play(player: &mut Player<&Bundle>, motion: &MotionClip, monitor: &dyn Monitor) -> Result<Frames> {
+    let mut frames = Frames::new(player.bundle().body.vertex_count());
     monitor.begin("animate", motion.len() as u64, "frames");
-    let shaped = bundle.body.shaped(beta);
-    player.play(&motion.rotations, &motion.translations, |t, player| {
-        let deltas: Vec<_> = player.deltas().iter().map(|d| *d * gain).collect();
-        let pose = Pose { rotations: motion.rotations.frame(t), translation: motion.translations[t] };
-        frames.push(&bundle.body.posed(&shaped, pose, Some(&deltas)));
+    player.play(&motion.rotations, &motion.translations, |_, player| {
+        frames.push(player.vertices());
         monitor.advance(1, "");
     })?;
     monitor.end();
     Ok(frames)
+}
+
+/// What the player refuses, the command line asked for.
+fn asked(error: BundleError) -> anyhow::Error {
+    match error {
+        BundleError::Input(_) => UsageError(error.to_string()).into(),
+        other => other.into(),
+    }
 }
 
 /// Writes a `.glb`/`.gltf` file, or an OBJ sequence where `out` has no such ending.

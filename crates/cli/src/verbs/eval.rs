@@ -32,7 +32,11 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
         let message = "--against judges finished bundles, which saw what a fold leaves out; leave --protocol out";
         return Err(UsageError(message.into()).into());
     }
-    let config = stored(&path)?;
+    let mut config = stored(&path)?;
+    if args.protocol != Protocol::HeldOut {
+        // a fold is judged by its deltas alone, so it needs the one subspace that they come from
+        config.subspace.sizes = vec![config.regressor.latents];
+    }
     let provenance: Provenance = read_json(&args.run.join("provenance.json"))?;
     let terminal = Terminal::new(signals.clone(), args.quiet);
     let folder = RunFolder::take(&args.run, true)?;

@@ -3,6 +3,7 @@
 pub mod animate;
 pub mod config;
 mod contact_sheet;
+mod controls;
 pub mod eval;
 pub mod fit;
 pub mod import;

@@ -1,0 +1,88 @@
+//! An animator's controls out of the command line.
+
+use crate::args::AnimateArgs;
+use crate::exit::{InputError, UsageError};
+use anyhow::Result;
+use glam::Vec3;
+use softtissue_body::{BodyModel, Region};
+use softtissue_bundle::{Control, Controls};
+use softtissue_import::{ImportLimits, read_obj_frame};
+use std::path::Path;
+
+/// All that `animate` was asked to change.
+pub fn controls(args: &AnimateArgs, body: &BodyModel) -> Result<Controls> {
+    let mut controls = Controls::gain(args.gain);
+    for text in &args.control {
+        let wrong = |reason: String| UsageError(format!("--control {text:?}: {reason}"));
+        let (name, changes) = text
+            .split_once(':')
+            .ok_or_else(|| wrong("write a region, a colon and changes, as in belly:gain=2,softness=1.5".into()))?;
+        let control = control(changes).map_err(wrong)?;
+        if name == "everywhere" {
+            let gain = controls.everywhere.gain * control.gain;
+            controls.everywhere = Control { gain, ..control };
+            continue;
+        }
+        let known = || Region::ALL.map(Region::name).join(", ");
+        let region = Region::ALL.into_iter().find(|r| r.name() == name);
+        let region = region.ok_or_else(|| wrong(format!("{name:?} is no region; choose everywhere, {}", known())))?;
+        controls.regions.push((region, control));
+    }
+    controls.painted = args.paint.as_deref().map(|path| painted(path, body)).transpose()?;
+    Ok(controls)
+}
+
+fn control(changes: &str) -> std::result::Result<Control, String> {
+    let mut control = Control::default();
+    for change in changes.split(',') {
+        let (key, value) =
+            change.split_once('=').ok_or_else(|| format!("{change:?} is no change; write gain=2, for example"))?;
+        let number: f32 = value.trim().parse().map_err(|_| format!("{value:?} is no number"))?;
+        match key.trim() {
+            "gain" => control.gain = number,
+            "softness" => control.softness = number,
+            "damping" => control.damping = number,
+            "lag" => control.lag = number,
+            other => return Err(format!("{other:?} cannot be changed; choose gain, softness, damping or lag")),
+        }
+    }
+    Ok(control)
+}
+
+/// The brightness of each vertex.
+fn painted(path: &Path, body: &BodyModel) -> Result<Vec<f32>> {
+    let frame = read_obj_frame(path, &ImportLimits::default())?;
+    let (found, expected) = (frame.positions.len(), body.vertex_count());
+    if found != expected {
+        let message =
+            format!("{}: {found} vertices, but the body has {expected}; paint a mesh of its topology", path.display());
+        return Err(InputError(message).into());
+    }
+    if frame.colors.is_empty() {
+        let message = format!(
+            "{}: not every vertex has a colour (`v x y z r g b`); export the mesh with vertex colours",
+            path.display()
+        );
+        return Err(InputError(message).into());
+    }
+    if let Some(v) = frame.colors.iter().position(|c| !(c.min_element() >= 0.0 && c.max_element() <= 1.0)) {
+        let message =
+            format!("{}: the colour of vertex {} is not between 0 and 1; export it again", path.display(), v + 1);
+        return Err(InputError(message).into());
+    }
+    Ok(frame.colors.iter().map(|c| c.element_sum() / 3.0).collect())
+}
+
+/// The rest mesh of another body, metres.
+pub fn rest_mesh(path: &Path, body: &BodyModel) -> Result<Vec<Vec3>> {
+    let frame = read_obj_frame(path, &ImportLimits::default())?;
+    let (found, expected) = (frame.positions.len(), body.vertex_count());
+    if found != expected {
+        let message = format!(
+            "{}: {found} vertices, but the body has {expected}; give a mesh of its topology, vertices in its order",
+            path.display()
+        );
+        return Err(InputError(message).into());
+    }
+    Ok(frame.positions)
+}
