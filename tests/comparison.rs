@@ -1,6 +1,6 @@
 //! Runs beside each other on one run's test clips.
 
-use crate::support::{Said, copy_of_the_run, folder, measures, softtissue, tiny_run, tiny_train};
+use crate::support::{Said, bytes_below, copy_of_the_run, folder, measures, softtissue, tiny_run, tiny_train};
 use softtissue_eval::Metrics;
 use std::path::{Path, PathBuf};
 
@@ -44,6 +44,28 @@ fn other_runs_are_judged_beside_a_run_but_not_on_what_they_have_seen() {
     softtissue(&["eval", &text(&run), "--against", &text(&leak)]).refused(3, &["was selected on", "one_leg_jump"]);
     let protocol = ["eval", &text(&run), "--against", &text(&other), "--protocol", "leave-one-subject-out"];
     softtissue(&protocol).refused(2, &["--against", "--protocol"]);
+}
+
+#[test]
+fn a_run_is_judged_on_scans_of_other_flesh_without_learning_from_them() {
+    let home = folder("other-flesh");
+    let run = copy_of_the_run("judged-on-others");
+    let scans = home.join("second-law");
+    let text = |path: &Path| path.display().to_string();
+    let config = text(&tiny_run().config);
+    let other = ["--set", "synth.flesh.law=second", "--set", "synth.subjects.other_flesh=1"];
+    softtissue(&[&["synth", "--config", &config, "--out", &text(&scans)], &other[..]].concat()).fine();
+    let own = measures(&run);
+    let stages = bytes_below(&run.join("stages"));
+    softtissue(&["eval", &text(&run), "--on", &text(&scans)]).fine();
+    let found = Metrics::read(&run.join("on-second-law/metrics.json")).expect("measures");
+    assert!(run.join("on-second-law/report/index.html").exists());
+    assert!(found.truth && found.clips.len() == own.clips.len());
+    assert_ne!(found.methods["softtissue"].soft_ratio, own.methods["softtissue"].soft_ratio);
+    assert_eq!(found.methods["body"].soft_ratio, Some(1.0));
+    assert_eq!(bytes_below(&run.join("stages")), stages, "nothing is learned");
+    assert_eq!(measures(&run), own, "the run's own stay");
+    softtissue(&["eval", &text(&run), "--on", &text(&home.join("nowhere"))]).refused(3, &["nowhere"]);
 }
 
 #[test]

@@ -116,6 +116,10 @@ pub struct EvalArgs {
     /// Other runs or bundles to judge beside this one, on this run's test clips: once for each.
     #[arg(long, value_name = "DIR")]
     pub against: Vec<PathBuf>,
+    /// Judge on the test motions of these scans (a set of `softtissue synth`, or OBJ sequences) and not on the run's own:
+    /// they are fitted, nothing is trained.
+    #[arg(long, value_name = "DIR")]
+    pub on: Option<PathBuf>,
     /// Which folds, by motion, subject or Dyna's case, separated by commas; `all` for every one.
     #[arg(long, value_name = "NAMES")]
     pub folds: Option<String>,

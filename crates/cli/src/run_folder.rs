@@ -99,9 +99,10 @@ impl RunFolder {
     pub fn metrics(&self) -> PathBuf {
         self.root.join(METRICS_FILE)
     }
-    /// Measures and report with other runs beside this one.
-    pub fn comparison(&self) -> PathBuf {
-        self.root.join("comparison")
+    /// Measures and report with other runs beside this one, or on other scans.
+    pub fn comparison(&self, scans: Option<&Path>) -> PathBuf {
+        let name = scans.and_then(Path::file_name).map(|n| format!("on-{}", n.to_string_lossy()));
+        self.root.join(name.as_deref().unwrap_or("comparison"))
     }
     /// Writes a text file.
     pub fn write_text(&self, name: &str, text: &str) -> Result<()> {

@@ -349,3 +349,18 @@ fn mean_flesh_is_that_of_a_person_without_hidden_material() {
     let oracle = mean_flesh(&scattered, bodies(), &person(&scattered).beta, &motion).unwrap();
     assert_ne!(oracle.deltas, truth.deltas, "hidden material is not in it");
 }
+
+#[test]
+fn other_flesh_leaves_the_people_as_they_are() {
+    let body = bodies().scanned();
+    let draw = |other_flesh| {
+        let config = SubjectConfig { other_flesh, ..Default::default() };
+        Subject::draw(&body.model, &body.anatomy, &Default::default(), &config, 1, 0, 25.0).unwrap()
+    };
+    let (own, other, third) = (draw(0), draw(1), draw(2));
+    assert_eq!((&own.beta, &own.detail, &own.style), (&other.beta, &other.detail, &other.style));
+    let flesh = |s: &Subject| [s.material.stiffness, s.material.damping, s.material.belly, s.material.thighs];
+    for (a, b) in [(&own, &other), (&other, &third)] {
+        assert!(flesh(a).iter().zip(flesh(b)).all(|(a, b)| *a != b), "{:?} {:?}", flesh(a), flesh(b));
+    }
+}

@@ -3,7 +3,8 @@
 use crate::args::{EvalArgs, Protocol};
 use crate::exit::{InputError, UsageError};
 use crate::pipeline::{
-    BundleMethod, Context, Learned, Opened, fold, heaviest, learn, open, open_others, oracle, prepare,
+    BundleMethod, Context, Learned, Opened, Prepared, fold, heaviest, import_or_open, learn, load_body,
+    needs_test_clips, open, open_others, oracle, prepare,
 };
 use crate::run_folder::RunFolder;
 use crate::settings::stored;
@@ -14,6 +15,7 @@ use anyhow::Result;
 use softtissue_eval::protocol::{Fold, FoldChoice, dyna_cases, leave_one_sequence_out, leave_one_subject_out};
 use softtissue_eval::{Method, Metrics, Scene, Tally, judge};
 use softtissue_store::read_json;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Runs the verb.
@@ -28,8 +30,9 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
             format!("{} has no finished bundle: go on with `softtissue train --resume` first", args.run.display());
         return Err(InputError(message).into());
     }
-    if !args.against.is_empty() && args.protocol != Protocol::HeldOut {
-        let message = "--against judges finished bundles, which saw what a fold leaves out; leave --protocol out";
+    if (!args.against.is_empty() || args.on.is_some()) && args.protocol != Protocol::HeldOut {
+        let message =
+            "--against and --on judge finished bundles, which saw what a fold leaves out; leave --protocol out";
         return Err(UsageError(message.into()).into());
     }
     let mut config = stored(&path)?;
@@ -53,9 +56,15 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
         let mut taken: Vec<String> = methods_of(&learned).map(|m| m.name().to_owned()).collect();
         taken.push(learned.bundle.info.method.clone());
         let others = open_others(&args.against, &job, &taken)?;
-        let metrics = finish(&context, &provenance.configuration, &job, &learned, &others)?.metrics;
-        if !others.is_empty() {
-            context.monitor.say(&format!("comparison: {}", folder.comparison().display()));
+        let own = args.on.is_none() && others.is_empty();
+        let out = if own { folder.root().to_owned() } else { folder.comparison(args.on.as_deref()) };
+        let job = match &args.on {
+            Some(scans) => on_other_scans(&context, job, scans)?,
+            None => job,
+        };
+        let metrics = finish(&context, &provenance.configuration, &job, &learned, &others, &out)?.metrics;
+        if !own {
+            context.monitor.say(&format!("measures and report: {}", out.display()));
         }
         metrics
     } else {
@@ -97,6 +106,16 @@ fn protocol(args: &EvalArgs, context: &Context, base: &Opened) -> Result<Metrics
     metrics.write(&path)?;
     crate::print_line(&format!("measures: {}", path.display()));
     Ok(metrics)
+}
+
+/// The test motions of other scans, fitted as the run's own were. Their training motions serve the fit alone.
+fn on_other_scans(context: &Context, job: Prepared, scans: &Path) -> Result<Prepared> {
+    let config = context.config;
+    let scans = import_or_open(scans, config, &job.body.topology, &context.data_dir, context.monitor)?;
+    let split = config.split.split(&scans.set.ids())?;
+    needs_test_clips(&split)?;
+    let body = load_body(config, &context.data_dir, context.monitor)?;
+    fold(context, Arc::new(body), scans, split, "other scans".into())
 }
 
 /// What a run is judged beside: its ablations and the ladder.

@@ -84,7 +84,7 @@ pub fn run(args: &TrainArgs, signals: &Signals) -> Result<()> {
         crate::print_line(&format!("bundle: {}", folder.bundle().display()));
         return Ok(());
     }
-    let judgement = finish(&context, &provenance.configuration, &job, &learned, &[])?;
+    let judgement = finish(&context, &provenance.configuration, &job, &learned, &[], folder.root())?;
     context.timed("animation", || animate(&job, &learned, &folder, &terminal))?;
     context.log.event(json!({"event": "done", "seconds": begun.elapsed().as_secs_f64()}))?;
     if args.json {
@@ -95,16 +95,16 @@ pub fn run(args: &TrainArgs, signals: &Signals) -> Result<()> {
     Ok(())
 }
 
-/// Judges, writes the measures and the report: the run's own, or, with other bundles beside it, those of the comparison.
+/// Judges, `others` beside the run's own method, and writes measures and report into `folder`.
 pub fn finish(
     context: &Context,
     title: &str,
     job: &Prepared,
     learned: &Learned,
     others: &[BundleMethod],
+    folder: &Path,
 ) -> Result<Judgement> {
     let judgement = judge_run(context, job, learned, others)?;
-    let folder = if others.is_empty() { context.run.root().to_owned() } else { context.run.comparison() };
     judgement.metrics.write(&folder.join(METRICS_FILE))?;
     let report = folder.join(REPORT_FILE);
     context.timed("report", || write_report(context, title, job, learned, &judgement, &report))?;

@@ -34,6 +34,8 @@ pub struct SubjectConfig {
     pub regional_scatter: f32,
     /// Largest relative difference of hidden damping from the mean. Default 0.3.
     pub damping_scatter: f32,
+    /// Other than 0: the same people, shapes and styles with other hidden flesh. Default 0.
+    pub other_flesh: u64,
     /// Root mean square length of the static detail outside the shape space, metres: each person's is drawn between
     /// these. Default 0.004 to 0.008; zeros turn it off.
     pub detail: [f32; 2],
@@ -49,6 +51,7 @@ impl Default for SubjectConfig {
             stiffness_scatter: 0.2,
             regional_scatter: 0.2,
             damping_scatter: 0.3,
+            other_flesh: 0,
             detail: [0.004, 0.008],
             pose_mismatch: true,
         }
@@ -64,6 +67,7 @@ impl SubjectConfig {
             stiffness_scatter: 0.0,
             regional_scatter: 0.0,
             damping_scatter: 0.0,
+            other_flesh: 0,
             detail: [0.0; 2],
             pose_mismatch: false,
         }
@@ -133,9 +137,18 @@ impl Subject {
         let mut draws = Draws::new(seed, "synth-subject", number, 0);
         let shapes: Vec<f32> =
             (0..body.shape_count()).map(|_| draws.normal().clamp(-1.8, 1.8) as f32 * config.shape_scatter).collect();
-        let mut scatter = |by: f32| 1.0 + draws.range(-1.0, 1.0) as f32 * by;
-        let (stiffness, damping) = (scatter(config.stiffness_scatter), scatter(config.damping_scatter));
-        let mut draws_of_regions = Draws::new(seed, "synth-subject-regions", number, 0);
+        let drawn = [draws.range(-1.0, 1.0), draws.range(-1.0, 1.0)];
+        let drawn = match config.other_flesh {
+            0 => drawn,
+            other => {
+                let mut draws = Draws::new(seed, "synth-subject-flesh", number, other);
+                [draws.range(-1.0, 1.0), draws.range(-1.0, 1.0)]
+            }
+        };
+        let scatter = |drawn: f64, by: f32| 1.0 + drawn as f32 * by;
+        let (stiffness, damping) =
+            (scatter(drawn[0], config.stiffness_scatter), scatter(drawn[1], config.damping_scatter));
+        let mut draws_of_regions = Draws::new(seed, "synth-subject-regions", number, config.other_flesh);
         let mut regional = || 1.0 + draws_of_regions.range(-1.0, 1.0) as f32 * config.regional_scatter;
         let material = Material {
             stiffness: mean.stiffness * stiffness,
