@@ -23,6 +23,8 @@ pub struct RegressorInputs<'a> {
     pub network: &'a Autoencoder,
     /// Clips to train on (mirrored ones included) and to select by, targets as PCA coefficients.
     pub clips: Clips<Vec<TrainingClip>>,
+    /// Whether the clips to select by are others than those to train on.
+    pub validated: bool,
     /// Ridge strength of the shortcut, chosen on validation clips.
     pub strength: f64,
 }
@@ -71,8 +73,13 @@ pub fn learn_regressor(context: &Context, place: &Place, inputs: RegressorInputs
             let latents = [rollouts(&readout, validation), rollouts(&network, validation)];
             let judge = |mix: Mix| judged(&mix.latents(&latents));
             let given = context.config.regressor.given_for_motion;
-            let (mix, soft_ratio) = best_mix(&judge, given);
-            let alone = |share: f32| mixed(&readout, &network, livelier(&judge, share, given).0);
+            let tuned =
+                |share: f32| if inputs.validated { livelier(&judge, share, given).0 } else { Mix::plain(share) };
+            let (mix, soft_ratio) = match inputs.validated {
+                true => best_mix(&judge, given),
+                false => (Mix::plain(UNTRIED_SHARE), judge(Mix::plain(UNTRIED_SHARE)).ratio()),
+            };
+            let alone = |share: f32| mixed(&readout, &network, tuned(share));
             LearnedRegressor {
                 regressor: mixed(&readout, &network, mix),
                 without_gru: alone(0.0),
@@ -135,6 +142,11 @@ struct Mix {
 }
 
 impl Mix {
+    /// Without a gain.
+    fn plain(share: f32) -> Self {
+        Self { share, gain: 1.0 }
+    }
+
     /// Latents of the mixture of those of the readout and of the network, clip by clip.
     fn latents(self, [readout, network]: &[Vec<Vec<f32>>; 2]) -> Vec<Vec<f32>> {
         let mix = |(a, b): (&f32, &f32)| self.gain * ((1.0 - self.share) * a + self.share * b);
@@ -142,6 +154,8 @@ impl Mix {
     }
 }
 
+/// The network's share where no clip is left to choose it by: on clips that it has seen it would seem to deserve all.
+const UNTRIED_SHARE: f32 = 0.5;
 /// Steps in which shares from 0 to 1 are tried, ...
 const SHARES: u8 = 10;
 /// ... and gains from 1 to `MOST_GAIN`.

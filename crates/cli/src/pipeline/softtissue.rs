@@ -33,6 +33,7 @@ pub fn learn_softtissue(context: &Context, place: &Place, material: &Material) -
             subspace: &subspace,
             network: &chosen.network,
             clips: clips.clone(),
+            validated: !split.validation.is_empty(),
             strength,
         };
         learn_regressor(context, place, inputs)
