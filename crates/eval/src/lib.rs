@@ -23,8 +23,8 @@ pub use gates::{Gate, OURS, acceptance, without_gru};
 pub use judge::{Channel, Scene, judge};
 pub use method::{BodyAlone, Codec, Method};
 pub use metrics::{
-    ClipMetrics, ComponentMetrics, DataMetrics, DecayFigures, DecayMetrics, FitMetrics, MethodMetrics, Metrics,
-    RegionMetrics, SCHEMA, SubspaceMetrics,
+    ClipMetrics, ComponentMetrics, DataMetrics, DecayFigures, DecayMetrics, FitMetrics, LeakMetrics, MethodMetrics,
+    Metrics, ProbeMetrics, RegionMetrics, SCHEMA, SubspaceMetrics,
 };
 pub use probe::{DecayTrace, LongRollout, StopProbe, judge_bounded, judge_shapes, judge_stops, training_peaks};
 pub use subspace::{CodecPair, judge_subspace};

@@ -45,6 +45,9 @@ pub struct Metrics {
     /// (SoftSMPL fig. 8): pairs of `beta[1]` and speed, by method.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub shape_response: BTreeMap<String, Vec<[f64; 2]>>,
+    /// What a linear probe tells from a motion descriptor (SoftSMPL sec. 5), by descriptor.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub leak: BTreeMap<String, LeakMetrics>,
     /// Soft ratio on the clips that selected the model, by method: the method whole and without its recurrent unit.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub validation_soft_ratio: BTreeMap<String, f64>,
@@ -164,6 +167,35 @@ pub struct SubspaceMetrics {
     /// Whether validation kept the autoencoder's residual branches; if not, it is PCA.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residual_kept: Option<bool>,
+}
+
+/// What a linear probe tells from a motion descriptor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LeakMetrics {
+    /// The subject, on motions that the probe has not seen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subject: Option<ProbeMetrics>,
+    /// The motion, on takes that the probe has not seen or on the other half of each clip.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<ProbeMetrics>,
+}
+
+/// How often a probe is right.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProbeMetrics {
+    /// Mean over classes of the part of their frames that is told right.
+    pub accuracy: f64,
+    /// The same of guessing: one over the number of classes.
+    pub chance: f64,
+}
+
+impl ProbeMetrics {
+    /// Accuracy over chance, as a part of what there is over chance: 0 for guessing, 1 for knowing.
+    pub fn excess(&self) -> f64 {
+        (self.accuracy - self.chance) / (1.0 - self.chance)
+    }
 }
 
 /// The fit against truth.

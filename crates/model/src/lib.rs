@@ -6,9 +6,12 @@ mod gru;
 mod layer;
 pub mod linear;
 mod pca;
+mod pose_autoencoder;
+mod pose_set;
 mod predictor;
 mod regressor;
 mod training_clip;
+mod transfer;
 
 use softtissue_bundle as plain;
 
@@ -17,6 +20,9 @@ pub use error::ModelError;
 pub use gru::{Gru, GruFrame, GruRollout};
 pub use layer::host;
 pub use pca::{FrameSource, Pca, PcaConfig, coefficients_of, deltas_of, truncated};
+pub use pose_autoencoder::{Perceptron, PoseAutoencoder, PoseAutoencoderConfig};
+pub use pose_set::{PoseFrames, PoseSet, PoseSetConfig};
 pub use predictor::Predictor;
 pub use regressor::{Regressor, RegressorConfig, ShortcutStart};
 pub use training_clip::TrainingClip;
+pub use transfer::{SubjectRegressor, transferred};

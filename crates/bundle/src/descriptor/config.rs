@@ -7,6 +7,10 @@ pub enum FeatureKind {
     /// SoftSMPL eq. 11 with the joint rotations in the place of the learned pose descriptor: rotations, angular
     /// velocities and accelerations of the joints below the root, root velocity and acceleration in the root's frame.
     Pose,
+    /// SoftSMPL eq. 11 as published: the learned pose descriptor, its velocity and acceleration, root velocity and
+    /// acceleration in the root's frame; 36 numbers with a descriptor of 10. The descriptor's encoder is learned from
+    /// poses beforehand and belongs to the model.
+    DisentangledPose,
     /// What the flesh feels in its rest frame, projected on the first modes of the deltas.
     ModalForces,
 }
@@ -22,7 +26,7 @@ pub struct DescriptorConfig {
     /// Whether `modal-forces` also holds the entries of `R_j - I` of the joints below the root, for what
     /// depends on the pose itself. Default true.
     pub pose_entries: bool,
-    /// Whether `pose` also holds the root's angular velocity in the root's frame. Default true.
+    /// Whether `pose` and `disentangled-pose` also hold the root's angular velocity in the root's frame. Default true.
     pub root_angular_velocity: bool,
     /// Where the low-pass on velocities, which stands before second differences, falls to half power, Hz.
     /// Default 12; lower suppresses jitter of the poses and adds lag. Zero turns it off.

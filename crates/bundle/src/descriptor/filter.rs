@@ -1,4 +1,4 @@
-use glam::Vec3;
+use std::ops::{Add, Mul, Sub};
 
 /// Two equal one-pole low-passes in a row: causal, no overshoot, gain one at rest.
 /// `y_t = p y_{t-1} + (1 - p) x_t` twice, with `p` such that the power falls to a half at the cutoff.
@@ -25,30 +25,40 @@ impl LowPass {
         2.0 * self.pole / (1.0 - self.pole)
     }
     /// Filters a velocity and differentiates it.
-    pub(super) fn step(&self, track: &mut VelocityTrack, velocity: Vec3, fps: f32) -> (Vec3, Vec3) {
+    pub(super) fn step<X: Quantity>(&self, track: &mut VelocityTrack<X>, velocity: X, fps: f32) -> (X, X) {
         if !track.moving {
             // Constant velocity before the first difference: a clip cut in mid-motion starts without a spike.
             *track = VelocityTrack { first: velocity, second: velocity, moving: true };
-            return (velocity, Vec3::ZERO);
+            return (velocity, X::default());
         }
         let before = track.second;
-        track.first = velocity.lerp(track.first, self.pole);
-        track.second = track.first.lerp(track.second, self.pole);
+        let pass = |x: X, y: X| x * (1.0 - self.pole) + y * self.pole;
+        track.first = pass(velocity, track.first);
+        track.second = pass(track.first, track.second);
         (track.second, (track.second - before) * fps)
     }
 }
 
-/// Filter memory of one vector.
+/// A number or a vector that can be filtered.
+pub(super) trait Quantity:
+    Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self>
+{
+}
+
+impl<X: Copy + Default + Add<Output = X> + Sub<Output = X> + Mul<f32, Output = X>> Quantity for X {}
+
+/// Filter memory of one quantity.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct VelocityTrack {
-    first: Vec3,
-    second: Vec3,
+pub(super) struct VelocityTrack<X> {
+    first: X,
+    second: X,
     moving: bool,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
 
     /// Amplitude and delay (frames) of the filter's answer to a sinusoid, measured.
     fn answer(low_pass: LowPass, hz: f32, fps: f32) -> (f32, f32) {

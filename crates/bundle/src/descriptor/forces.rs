@@ -28,7 +28,7 @@ pub(super) struct ForceFeatures {
 #[derive(Clone, Debug)]
 pub(super) struct ForceState {
     previous: Vec<Vec3>,
-    tracks: Vec<VelocityTrack>,
+    tracks: Vec<VelocityTrack<Vec3>>,
     force: Vec<f32>,
     started: bool,
 }

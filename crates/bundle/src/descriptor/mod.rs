@@ -5,13 +5,17 @@
 //! only; [`DescriptorConfig::look_ahead`] shifts whole frames and is zero by default.
 
 mod config;
+mod disentangled;
+mod encoder;
 mod filter;
 mod forces;
 mod pose;
+mod root;
 mod scaling;
 mod steps;
 
 pub use config::{DescriptorConfig, FeatureKind};
+pub use encoder::{EncoderScratch, PoseEncoder, pose_numbers};
 pub use filter::LowPass;
 pub use scaling::{FeatureBlock, FeatureScaling};
-pub use steps::{Descriptor, DescriptorError, DescriptorState};
+pub use steps::{Descriptor, DescriptorError, DescriptorParts, DescriptorState};

@@ -1,10 +1,13 @@
+use super::disentangled::{DisentangledFeatures, DisentangledState};
 use super::forces::{ForceFeatures, ForceState};
 use super::pose::{PoseFeatures, PoseState};
-use super::{DescriptorConfig, FeatureBlock, FeatureKind, LowPass};
+use super::root::RootFeatures;
+use super::{DescriptorConfig, FeatureBlock, FeatureKind, LowPass, PoseEncoder};
 use crate::posing::Posing;
 use glam::{Affine3A, Vec3};
 use softtissue_body::{BodyModel, Pose, Region, ShapedBody};
 use softtissue_geometry::Frames;
+use std::sync::Arc;
 
 /// Why a descriptor cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -25,6 +28,21 @@ pub enum DescriptorError {
         /// Numbers given.
         found: usize,
     },
+    /// The pose encoder is missing, or another body's.
+    #[error("descriptor: disentangled-pose needs the pose encoder that it was learned with: {reason}")]
+    Encoder {
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+/// What a descriptor needs beside its settings; each kind of features takes its own.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DescriptorParts<'a> {
+    /// Orthonormal delta modes `[at least config.modes, V, 3]`, the most important first, for modal forces.
+    pub modes: Option<&'a [f32]>,
+    /// For disentangled poses.
+    pub encoder: Option<&'a Arc<PoseEncoder>>,
 }
 
 /// Turns poses into features, frame by frame. Holds no frame's data: that lies in [`DescriptorState`].
@@ -41,6 +59,7 @@ pub struct Descriptor {
 #[derive(Clone, Debug)]
 enum Kind {
     Pose(PoseFeatures),
+    Disentangled(DisentangledFeatures),
     Forces(ForceFeatures),
 }
 
@@ -51,37 +70,39 @@ pub struct DescriptorState(State);
 #[derive(Clone, Debug)]
 enum State {
     Pose(PoseState),
+    Disentangled(DisentangledState),
     Forces(ForceState),
 }
 
 impl Descriptor {
-    /// `modes`: orthonormal delta modes `[at least config.modes, V, 3]`, the most important first, needed by
-    /// modal forces only. Forces on the head, hands, feet and the bony rest are left out.
+    /// For features that need no encoder: see [`DescriptorParts::modes`].
     pub fn new(config: &DescriptorConfig, body: &BodyModel, modes: Option<&[f32]>) -> Result<Self, DescriptorError> {
+        Self::with_parts(config, body, DescriptorParts { modes, encoder: None })
+    }
+
+    /// Any features. Forces on the head, hands, feet and the bony rest are left out.
+    pub fn with_parts(
+        config: &DescriptorConfig,
+        body: &BodyModel,
+        parts: DescriptorParts,
+    ) -> Result<Self, DescriptorError> {
         check(config)?;
-        let low_pass = LowPass::new(config.cutoff_hz, config.fps);
-        let joints = body.joint_count();
+        let (fps, joints) = (config.fps, body.joint_count());
+        let low_pass = LowPass::new(config.cutoff_hz, fps);
+        let root = RootFeatures::new(config.root_angular_velocity, low_pass, fps);
         let kind = match config.features {
-            FeatureKind::Pose => {
-                Kind::Pose(PoseFeatures::new(joints, config.root_angular_velocity, low_pass, config.fps))
+            FeatureKind::Pose => Kind::Pose(PoseFeatures::new(joints, root, low_pass, fps)),
+            FeatureKind::DisentangledPose => {
+                let fail = |reason| DescriptorError::Encoder { reason };
+                let encoder = parts.encoder.ok_or_else(|| fail("there is none".into()))?;
+                encoder.check(joints).map_err(fail)?;
+                Kind::Disentangled(DisentangledFeatures::new(Arc::clone(encoder), root, low_pass, fps))
             }
-            FeatureKind::ModalForces => {
-                let (vertices, needed) = (body.vertex_count(), config.modes);
-                let found = modes.map_or(0, <[f32]>::len);
-                let Some(modes) = modes.filter(|_| found >= needed * vertices * 3) else {
-                    return Err(DescriptorError::Modes { needed, vertices, found });
-                };
-                let fleshy = |v: &u32| {
-                    let region = body.regions.0[*v as usize];
-                    region.is_soft() || region == Region::Calves
-                };
-                let fleshy: Vec<u32> = (0..vertices as u32).filter(fleshy).collect();
-                let forces = ForceFeatures::new(&modes[..needed * vertices * 3], needed, fleshy, low_pass, config.fps);
-                Kind::Forces(if config.pose_entries { forces.with_pose_entries(joints) } else { forces })
-            }
+            FeatureKind::ModalForces => Kind::Forces(forces(config, body, parts.modes, low_pass)?),
         };
         let blocks = match &kind {
             Kind::Pose(k) => k.blocks(),
+            Kind::Disentangled(k) => k.blocks(),
             Kind::Forces(k) => k.blocks(),
         };
         let (vertex_count, joint_count) = (body.vertex_count(), joints);
@@ -114,12 +135,13 @@ impl Descriptor {
     pub fn state(&self) -> DescriptorState {
         DescriptorState(match &self.kind {
             Kind::Pose(k) => State::Pose(k.state()),
+            Kind::Disentangled(k) => State::Disentangled(k.state()),
             Kind::Forces(k) => State::Forces(k.state()),
         })
     }
 
     /// One frame. `transforms` are the vertices' blended `posed_from_rest`, `skinned` the posed vertices without deltas,
-    /// both `[V]` (unused, and free to be empty, for `pose`); `out` is `[D]`. Allocates nothing. Panics if a
+    /// both `[V]` (used by `modal-forces` only, free to be empty for the others); `out` is `[D]`. Allocates nothing. Panics if a
     /// length is wrong or the state is another descriptor's.
     pub fn step(
         &self,
@@ -133,6 +155,7 @@ impl Descriptor {
         assert_eq!(pose.rotations.len(), self.joint_count, "joints of a pose");
         match (&self.kind, &mut state.0) {
             (Kind::Pose(k), State::Pose(state)) => k.step(state, pose, out),
+            (Kind::Disentangled(k), State::Disentangled(state)) => k.step(state, pose, out),
             (Kind::Forces(k), State::Forces(state)) => {
                 assert_eq!(transforms.len(), self.vertex_count, "transforms of a frame");
                 assert_eq!(skinned.len(), self.vertex_count, "skinned vertices of a frame");
@@ -172,6 +195,26 @@ impl Descriptor {
             features.copy_within(from..from + size, t * size);
         }
     }
+}
+
+fn forces(
+    config: &DescriptorConfig,
+    body: &BodyModel,
+    modes: Option<&[f32]>,
+    low_pass: LowPass,
+) -> Result<ForceFeatures, DescriptorError> {
+    let (vertices, needed) = (body.vertex_count(), config.modes);
+    let found = modes.map_or(0, <[f32]>::len);
+    let Some(modes) = modes.filter(|_| found >= needed * vertices * 3) else {
+        return Err(DescriptorError::Modes { needed, vertices, found });
+    };
+    let fleshy = |v: &u32| {
+        let region = body.regions.0[*v as usize];
+        region.is_soft() || region == Region::Calves
+    };
+    let fleshy: Vec<u32> = (0..vertices as u32).filter(fleshy).collect();
+    let forces = ForceFeatures::new(&modes[..needed * vertices * 3], needed, fleshy, low_pass, config.fps);
+    Ok(if config.pose_entries { forces.with_pose_entries(body.joint_count()) } else { forces })
 }
 
 fn check(config: &DescriptorConfig) -> Result<(), DescriptorError> {

@@ -9,6 +9,7 @@ mod figure;
 mod fit_adam;
 mod gru;
 mod normal_loss;
+mod pose_autoencoder;
 mod trainees;
 
 use burn::tensor::{Device, Tensor, TensorData};
