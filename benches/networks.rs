@@ -68,7 +68,8 @@ impl Model {
             ..Default::default()
         };
         let info = BundleInfo { largest_delta_m: 1.0, ..Default::default() };
-        let plain = softtissue_bundle::Model::Recurrent(RecurrentModel { regressor: plain, subspace });
+        let plain = RecurrentModel { regressor: plain, subspace, pose_encoder: None };
+        let plain = softtissue_bundle::Model::Recurrent(plain);
         let bundle = Bundle { info, body, descriptor, model: plain, self_check: SelfCheck::default() };
         let directions = tensor(directions, [COMPONENTS, width], &device);
         Self { bundle, autoencoder, regressor, directions, device }

@@ -1,4 +1,4 @@
-use crate::descriptor::FeatureScaling;
+use crate::descriptor::{FeatureScaling, PoseEncoder};
 use crate::manifest::{ModelForm, RecurrentForm};
 use crate::{
     BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model, Recurrent, RecurrentModel, Regressor,
@@ -9,6 +9,7 @@ use softtissue_store::{Limits, TensorFile, TensorFileWriter};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Far above any bundle, far below what hurts.
 const LIMITS: Limits = Limits { header_bytes: 1 << 20, file_bytes: 2 << 30, tensors: 1024 };
@@ -46,7 +47,7 @@ struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    fn recurrent(&mut self, RecurrentModel { regressor, subspace }: &'a RecurrentModel) {
+    fn recurrent(&mut self, RecurrentModel { regressor, subspace, pose_encoder }: &'a RecurrentModel) {
         let DeltaBasis { mean, directions, coefficient_mean } = &subspace.basis;
         let v = mean.len() / 3;
         self.numbers("basis.mean", &[v, 3], mean);
@@ -65,6 +66,9 @@ impl<'a> Writer<'a> {
             self.vector("regressor.gru.b_ih", &gru.b_ih);
             self.vector("regressor.gru.b_hh", &gru.b_hh);
             self.linear("regressor.readout", readout);
+        }
+        for (i, layer) in pose_encoder.iter().flat_map(|e| e.layers.iter().enumerate()) {
+            self.linear(&format!("pose_encoder.{i}"), layer);
         }
     }
     fn numbers(&mut self, name: &str, shape: &[usize], numbers: &'a [f32]) {
@@ -122,10 +126,21 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn recurrent(&self, form: &RecurrentForm, fps: f32) -> Result<RecurrentModel> {
         let units = form.encoder_units.saturating_add(form.decoder_units);
-        if units > LIMITS.tensors {
-            return Err(self.refused(&format!("the manifest asks for {units} residual units; export the bundle again")));
+        let layers = form.pose_encoder_layers.unwrap_or(0);
+        if units.max(layers) > LIMITS.tensors {
+            return Err(self.refused(&format!(
+                "the manifest asks for {units} residual units and {layers} layers; export the bundle again"
+            )));
         }
-        Ok(RecurrentModel { subspace: self.subspace(form)?, regressor: self.regressor(form, fps)? })
+        let encoder = form.pose_encoder_layers.map(|_| {
+            let layers = (0..layers).map(|i| self.linear(&format!("pose_encoder.{i}")));
+            Ok::<_, BundleError>(Arc::new(PoseEncoder { layers: layers.collect::<Result<_>>()? }))
+        });
+        Ok(RecurrentModel {
+            subspace: self.subspace(form)?,
+            regressor: self.regressor(form, fps)?,
+            pose_encoder: encoder.transpose()?,
+        })
     }
 
     fn subspace(&self, form: &RecurrentForm) -> Result<Subspace> {

@@ -129,6 +129,9 @@ impl Bundle {
     pub fn check(&self) -> Result<(), String> {
         let Self { body, descriptor, model, .. } = self;
         model.check(descriptor)?;
+        if let Some(encoder) = model.descriptor_parts().encoder {
+            encoder.check(body.joint_count()).map_err(|reason| format!("{reason}; export it again"))?;
+        }
         fits("model, vertices", &[model.vertex_count()], &[body.vertex_count()])?;
         if descriptor.look_ahead > 600 {
             return Err(format!(

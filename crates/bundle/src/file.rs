@@ -75,7 +75,8 @@ impl Bundle {
     }
 
     fn manifest_form(&self) -> Result<Manifest> {
-        let lag_frames = Descriptor::new(&self.descriptor, &self.body, self.model.modes())?.lag_frames();
+        let lag_frames =
+            Descriptor::with_parts(&self.descriptor, &self.body, self.model.descriptor_parts())?.lag_frames();
         Ok(Manifest::of(self, lag_frames))
     }
 

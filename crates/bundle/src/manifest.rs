@@ -54,6 +54,9 @@ pub(crate) struct RecurrentForm {
     pub(crate) recurrent: bool,
     pub(crate) encoder_units: usize,
     pub(crate) decoder_units: usize,
+    /// Layers of the pose encoder, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) pose_encoder_layers: Option<usize>,
 }
 
 /// A resonator bank.
@@ -99,7 +102,7 @@ impl ModelForm {
 }
 
 impl RecurrentForm {
-    fn of(RecurrentModel { regressor, subspace }: &RecurrentModel) -> Self {
+    fn of(RecurrentModel { regressor, subspace, pose_encoder }: &RecurrentModel) -> Self {
         let bank = regressor.bank.as_ref();
         Self {
             features: regressor.input.input_size,
@@ -110,6 +113,7 @@ impl RecurrentForm {
             recurrent: regressor.recurrent.is_some(),
             encoder_units: subspace.encoder.units.len(),
             decoder_units: subspace.decoder.units.len(),
+            pose_encoder_layers: pose_encoder.as_ref().map(|e| e.layers.len()),
         }
     }
 }

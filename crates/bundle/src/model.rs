@@ -1,5 +1,6 @@
-use crate::descriptor::DescriptorConfig;
+use crate::descriptor::{DescriptorConfig, DescriptorParts, FeatureKind, PoseEncoder};
 use crate::{Linear, Regressor, RegressorState, Subspace, SubspaceScratch};
+use std::sync::Arc;
 
 /// What turns a motion's features into deltas: a variant for each family of methods.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +23,8 @@ pub struct RecurrentModel {
     pub regressor: Regressor,
     /// From latent to deltas. Modes that a descriptor projects on are the first rows of its basis.
     pub subspace: Subspace,
+    /// What disentangled poses are encoded by, where the descriptor has such features.
+    pub pose_encoder: Option<Arc<PoseEncoder>>,
 }
 
 /// What a [`RecurrentModel`] remembers.
@@ -55,6 +58,11 @@ impl Model {
         match self {
             Self::Recurrent(m) => Some(m.subspace.basis.directions.data()),
         }
+    }
+    /// What a descriptor needs of the model.
+    pub fn descriptor_parts(&self) -> DescriptorParts<'_> {
+        let encoder = self.recurrent().and_then(|m| m.pose_encoder.as_ref());
+        DescriptorParts { modes: self.modes(), encoder }
     }
     /// The recurrent model, where it is one.
     pub fn recurrent(&self) -> Option<&RecurrentModel> {
@@ -124,8 +132,15 @@ impl RecurrentModel {
     }
 
     fn check(&self, descriptor: &DescriptorConfig) -> Result<(), String> {
-        let Self { regressor, subspace } = self;
+        let Self { regressor, subspace, pose_encoder } = self;
         check_subspace(subspace)?;
+        match (pose_encoder, descriptor.features == FeatureKind::DisentangledPose) {
+            (Some(_), false) => {
+                return Err("it has a pose encoder that its features do not use; export it again".into());
+            }
+            (None, true) => return Err("its pose encoder is missing; export it again".into()),
+            _ => {}
+        }
         check_regressor(regressor)?;
         fits("regressor and decoder, latent", &[regressor.latent_count()], &[subspace.latent_count()])?;
         let Some(bank) = &regressor.bank else { return Ok(()) };

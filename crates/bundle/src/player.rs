@@ -103,7 +103,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             return Err(BundleError::Input(format!("shape coefficient {i} as {}; give finite numbers", beta[i])));
         }
         let shaped = bundle.body.shaped(beta);
-        let descriptor = Descriptor::new(&bundle.descriptor, &bundle.body, bundle.model.modes())?;
+        let descriptor = Descriptor::with_parts(&bundle.descriptor, &bundle.body, bundle.model.descriptor_parts())?;
         let (found, expected) = (descriptor.len(), bundle.model.feature_count());
         if found != expected {
             return Err(BundleError::Input(format!(

@@ -31,7 +31,12 @@ static ALLOCATOR: Counting = Counting;
 #[test]
 fn a_step_allocates_nothing() {
     let (rotations, translations) = tiny::motion(60);
-    for parts in [tiny::Parts::default(), tiny::Parts { look_ahead: 3, ..Default::default() }] {
+    let disentangled = softtissue_bundle::descriptor::FeatureKind::DisentangledPose;
+    for parts in [
+        tiny::Parts::default(),
+        tiny::Parts { look_ahead: 3, ..Default::default() },
+        tiny::Parts { features: disentangled, bank: false, ..Default::default() },
+    ] {
         let bundle = tiny::bundle(parts);
         let mut player = Player::new(&bundle, &[0.5]).unwrap();
         let pose = |t: usize| Pose { rotations: rotations.frame(t), translation: translations[t] };

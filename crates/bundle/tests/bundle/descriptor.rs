@@ -1,8 +1,12 @@
 use crate::tiny;
 use glam::{Mat3, Vec3};
 use softtissue_body::BodyModel;
-use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig, DescriptorError, FeatureKind};
+use softtissue_bundle::descriptor::{
+    Descriptor, DescriptorConfig, DescriptorError, DescriptorParts, FeatureKind, PoseEncoder,
+};
+use softtissue_bundle::{Linear, Matrix};
 use softtissue_geometry::{Frames, rotation_from_axis_angle};
+use std::sync::Arc;
 
 const FPS: f32 = 60.0;
 const GRAVITY: Vec3 = Vec3::new(0.0, -9.81, 0.0);
@@ -118,17 +122,60 @@ fn root_motion_is_seen_from_the_root() {
     assert_near(block("root-angular-velocity"), Vec3::ZERO, 1e-3);
 }
 
+/// SoftSMPL eq. 11 with an encoder whose derivative is known.
+#[test]
+fn a_disentangled_pose_comes_with_its_velocity_and_acceleration() {
+    let body = rigid_body();
+    // p = (2 x the middle joint's angle about z + 1, the top joint's about x less half the middle's)
+    let weight = Matrix::new(2, 6, vec![0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 1.0, 0.0, 0.0]);
+    let encoder = Arc::new(PoseEncoder { layers: vec![Linear { weight, bias: vec![1.0, 0.0] }] });
+    let config = DescriptorConfig { root_angular_velocity: false, ..config(FeatureKind::DisentangledPose) };
+    let parts = DescriptorParts { modes: None, encoder: Some(&encoder) };
+    let descriptor = Descriptor::with_parts(&config, &body, parts).unwrap();
+    let sizes: Vec<usize> = descriptor.blocks().iter().map(|b| b.range.len()).collect();
+    assert_eq!(sizes, [2, 2, 2, 3, 3]);
+    let (mut rotations, mut translations) = (Frames::new(3), vec![]);
+    let (middle, top) = (|s: f32| 1.5 * s * s, |s: f32| 0.8 * s);
+    let push = Vec3::new(1.0, -2.0, 0.5);
+    for t in 0..40 {
+        let s = t as f32 / FPS;
+        // a root that turns is no part of p
+        rotations.push(&[Vec3::new(0.0, 3.0 * s, 0.0), Vec3::Z * middle(s), Vec3::X * top(s)]);
+        translations.push(0.5 * push * s * s);
+    }
+    let features = descriptor.run(&body, &body.shaped(&[]), &rotations, &translations);
+    let last = &features[39 * descriptor.len()..];
+    let s = 39.0 / FPS;
+    let late = s - (descriptor.lag_frames() - 0.5) / FPS;
+    let expected: [f32; 6] = [2.0 * middle(s) + 1.0, top(s) - 0.5 * middle(s), 6.0 * late, 0.8 - 1.5 * late, 6.0, -1.5];
+    for (found, expected) in last.iter().zip(expected) {
+        assert!((found - expected).abs() < 0.02, "{last:?} {expected}");
+    }
+    let root_from_world = rotation_from_axis_angle(Vec3::new(0.0, 3.0 * s, 0.0)).transpose();
+    assert_near(Vec3::from_slice(&last[9..]), root_from_world * push, 0.02);
+
+    let refused = |parts| Descriptor::with_parts(&config, &body, parts).map(|_| ()).unwrap_err();
+    assert!(matches!(refused(DescriptorParts::default()), DescriptorError::Encoder { .. }));
+    let mut foreign = (*encoder).clone();
+    foreign.layers[0].weight = Matrix::zeros(2, 9);
+    let message = refused(DescriptorParts { modes: None, encoder: Some(&Arc::new(foreign)) }).to_string();
+    assert!(message.contains("9 to 2") && message.contains("6 numbers come in"), "{message}");
+}
+
 #[test]
 fn features_do_not_know_the_future_and_look_ahead_is_a_shift() {
-    for features in [FeatureKind::Pose, FeatureKind::ModalForces] {
+    for features in [FeatureKind::Pose, FeatureKind::DisentangledPose, FeatureKind::ModalForces] {
         let body = tiny::body();
         let modes: Vec<f32> = (0..9 * body.vertex_count()).map(|i| (i as f32 * 0.7).sin()).collect();
         let config = DescriptorConfig { features, modes: 3, ..Default::default() };
-        let descriptor = Descriptor::new(&config, &body, Some(&modes)).unwrap();
+        let encoder = tiny::pose_encoder();
+        let parts = DescriptorParts { modes: Some(&modes), encoder: Some(&encoder) };
+        let descriptor = Descriptor::with_parts(&config, &body, parts).unwrap();
         let (rotations, mut translations) = tiny::motion(40);
         let run = |d: &Descriptor, x: &[Vec3]| d.run(&body, &body.shaped(&[0.4]), &rotations, x);
         let before = run(&descriptor, &translations);
-        let ahead = Descriptor::new(&DescriptorConfig { look_ahead: 2, ..config }, &body, Some(&modes)).unwrap();
+        let ahead = DescriptorConfig { look_ahead: 2, ..config };
+        let ahead = Descriptor::with_parts(&ahead, &body, parts).unwrap();
         let d = descriptor.len();
         assert_eq!(run(&ahead, &translations)[..38 * d], before[2 * d..]);
         translations[25..].iter_mut().for_each(|x| *x += Vec3::new(0.3, 0.1, 0.0));

@@ -14,6 +14,7 @@ fn a_bundle_reads_back_and_plays_the_same_to_the_bit() {
         Parts::default(),
         Parts { bank: false, recurrent: false, units: 0, look_ahead: 2, ..Default::default() },
         Parts { features: FeatureKind::Pose, direct: false, ..Default::default() },
+        Parts { features: FeatureKind::DisentangledPose, bank: false, ..Default::default() },
     ] {
         let dir = tempfile::tempdir().unwrap();
         let written = bundle(parts);
@@ -53,7 +54,21 @@ fn what_would_be_refused_is_not_written() {
     recurrent_of(&mut nan).subspace.basis.mean[3] = f32::NAN;
     let mut check = bundle(Parts::default());
     check.self_check = SelfCheck::default();
-    for (bundle, says) in [(short, "shortcut"), (nan, "basis.mean"), (check, "self-check")] {
+    let disentangled = || bundle(Parts { features: FeatureKind::DisentangledPose, bank: false, ..Default::default() });
+    let (mut without, mut other, mut idle) = (disentangled(), disentangled(), bundle(Parts::default()));
+    let encoder = recurrent_of(&mut without).pose_encoder.take();
+    recurrent_of(&mut idle).pose_encoder = encoder.clone();
+    let mut wide = encoder.unwrap();
+    std::sync::Arc::make_mut(&mut wide).layers.remove(0);
+    recurrent_of(&mut other).pose_encoder = Some(wide);
+    for (bundle, says) in [
+        (short, "shortcut"),
+        (nan, "basis.mean"),
+        (check, "self-check"),
+        (without, "encoder is missing"),
+        (other, "6 numbers come in"),
+        (idle, "do not use"),
+    ] {
         let message = bundle.write(&path).unwrap_err().to_string();
         assert!(message.contains(says), "{message}");
         assert!(!path.exists(), "{message}");

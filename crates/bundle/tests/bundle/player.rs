@@ -14,6 +14,7 @@ fn forms() -> Vec<Parts> {
         Parts { direct: false, ..Default::default() },
         Parts { bank: false, recurrent: false, units: 0, ..Default::default() },
         Parts { features: FeatureKind::Pose, bank: false, ..Default::default() },
+        Parts { features: FeatureKind::DisentangledPose, bank: false, ..Default::default() },
         Parts { look_ahead: 3, ..Default::default() },
     ]
 }
@@ -26,7 +27,8 @@ fn a_rollout_is_the_documented_sum_in_f64() {
         let beta = [0.7, -1.3];
         let mut player = Player::new(&bundle, &beta).unwrap();
         let deltas = player.rollout(&rotations, &translations).unwrap();
-        let descriptor = Descriptor::new(&bundle.descriptor, &bundle.body, bundle.model.modes()).unwrap();
+        let given = bundle.model.descriptor_parts();
+        let descriptor = Descriptor::with_parts(&bundle.descriptor, &bundle.body, given).unwrap();
         let features = descriptor.run(&bundle.body, &bundle.body.shaped(&beta), &rotations, &translations);
         let latents = reference::regress(&bundle.model.recurrent().unwrap().regressor, &features, &beta);
         let largest = deltas.points().iter().fold(0.0, |m: f32, d| m.max(d.length()));

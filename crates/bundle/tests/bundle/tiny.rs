@@ -1,6 +1,8 @@
 use glam::{Vec2, Vec3};
 use softtissue_body::{BodyModel, JointRegressor, Mirror, Region, RegionMap, Skeleton, SkinWeights, UvAtlas};
-use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig, FeatureKind, FeatureScaling};
+use softtissue_bundle::descriptor::{
+    Descriptor, DescriptorConfig, DescriptorParts, FeatureKind, FeatureScaling, PoseEncoder,
+};
 use softtissue_bundle::*;
 use softtissue_geometry::{Frames, Topology};
 use softtissue_random::Draws;
@@ -100,6 +102,12 @@ impl Numbers {
     }
 }
 
+/// An encoder of the tiny body's poses to four numbers.
+pub fn pose_encoder() -> Arc<PoseEncoder> {
+    let mut draws = Numbers(Draws::new(12, "tiny encoder", 0, 0));
+    Arc::new(PoseEncoder { layers: vec![draws.linear(6, 8, 1.0), draws.linear(8, 4, 1.0)] })
+}
+
 /// A bundle of random numbers of sensible size: 7 components, 5 latents, 4 modes.
 pub fn bundle(parts: Parts) -> Bundle {
     let body = body();
@@ -113,7 +121,10 @@ pub fn bundle(parts: Parts) -> Bundle {
     let subspace = Subspace { basis, encoder, decoder };
     let config =
         DescriptorConfig { features: parts.features, modes: 4, look_ahead: parts.look_ahead, ..Default::default() };
-    let descriptor = Descriptor::new(&config, &body, Some(subspace.basis.directions.data())).unwrap();
+    let pose_encoder = (parts.features == FeatureKind::DisentangledPose).then(pose_encoder);
+    let modes = Some(subspace.basis.directions.data());
+    let given = DescriptorParts { modes, encoder: pose_encoder.as_ref() };
+    let descriptor = Descriptor::with_parts(&config, &body, given).unwrap();
     let (rotations, translations) = motion(90);
     let training = descriptor.run(&body, &body.shaped(&[0.3]), &rotations, &translations);
     let input = FeatureScaling::fit(&[&training], descriptor.blocks());
@@ -150,7 +161,7 @@ pub fn bundle(parts: Parts) -> Bundle {
         largest_delta_m: 0.1,
         ..Default::default()
     };
-    let model = Model::Recurrent(RecurrentModel { regressor, subspace });
+    let model = Model::Recurrent(RecurrentModel { regressor, subspace, pose_encoder });
     let mut bundle = Bundle { info, body, descriptor: config, model, self_check: SelfCheck::default() };
     bundle.self_check =
         SelfCheck::record(&bundle, &[0.5, -0.5], &rotations.slice(0..12), &translations[..12], 8).unwrap();

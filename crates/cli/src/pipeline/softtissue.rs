@@ -39,7 +39,7 @@ pub fn learn_softtissue(context: &Context, place: &Place, material: &Material) -
         learn_regressor(context, place, inputs)
     })?;
     let facts = facts(context, material, &regressor);
-    let model = |regressor: Regressor| Model::Recurrent(RecurrentModel { regressor, subspace: subspace.clone() });
+    let model = |regressor: Regressor| Model::Recurrent(RecurrentModel { regressor, subspace: subspace.clone(), pose_encoder: None });
     Ok(LearnedModel {
         descriptor: descriptor.config().clone(),
         model: model(regressor.regressor),

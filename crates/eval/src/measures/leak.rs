@@ -146,9 +146,8 @@ impl<'a> Samples<'a> {
             weight = logistic(&x, &wanted, weight, strength);
             let mut scores = Mat::<f64>::zeros(judged_x.nrows(), classes);
             matmul(&mut scores, Accum::Replace, &judged_x, &weight, 1.0, Par::Seq);
-            let guess = |n: usize| {
-                (0..classes).reduce(|a, b| if scores[(n, b)] > scores[(n, a)] { b } else { a }).unwrap_or(0)
-            };
+            let guess =
+                |n: usize| (0..classes).reduce(|a, b| if scores[(n, b)] > scores[(n, a)] { b } else { a }).unwrap_or(0);
             guesses.push(judged.iter().enumerate().map(|(n, i)| (self.classes[*i], guess(n))).collect());
         }
         guesses
