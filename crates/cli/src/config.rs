@@ -1,5 +1,9 @@
 //! Every setting in one place. Each section's defaults live beside the code that uses them.
 
+mod softsmpl;
+
+pub use softsmpl::SoftsmplConfig;
+
 use serde::{Deserialize, Serialize};
 use softtissue_bundle::descriptor::DescriptorConfig;
 use softtissue_clips::{ClipId, Split, SplitConfig};
@@ -35,7 +39,9 @@ pub struct Config {
     pub ladder: LadderConfig,
     /// The recurrent regressor.
     pub regressor: RegressorSection,
-    /// The loop that drives both trainings.
+    /// What `method = "softsmpl"` learns.
+    pub softsmpl: SoftsmplConfig,
+    /// The loop that drives all trainings.
     pub train: LoopConfig,
     /// What is measured.
     pub eval: EvalConfig,
@@ -92,7 +98,7 @@ pub enum ShortcutKind {
 pub struct RegressorSection {
     /// Latent size that is regressed; one of `subspace.sizes`. Default 100.
     pub latents: usize,
-    /// `resonators` (default) or `linear`.
+    /// `resonators` (default) or `linear`. Of `method = "softtissue"`; `softsmpl` always has the linear one.
     pub shortcut: ShortcutKind,
     /// Whether mirrored clips are added. Default true.
     pub mirror: bool,
@@ -135,6 +141,7 @@ impl Default for Config {
             descriptor: DescriptorConfig::default(),
             ladder: LadderConfig::default(),
             regressor: RegressorSection::default(),
+            softsmpl: SoftsmplConfig::default(),
             train: LoopConfig::default(),
             eval: EvalConfig::default(),
         }
@@ -179,6 +186,7 @@ impl Config {
         self.fit.check().map_err(|e| e.to_string())?;
         self.check_descriptor()?;
         self.check_learning()?;
+        self.softsmpl.check()?;
         let most = 3600.0;
         within("eval.bounded_seconds", f64::from(self.eval.bounded_seconds), 0.0..=most)
     }
@@ -278,11 +286,16 @@ impl Config {
         self.split.split(&ids)
     }
 
-    /// The name under which the learned method is reported: its own, and how far it looks ahead.
+    /// The name under which the learned method is reported: its own, what of it is switched off, and how far it looks
+    /// ahead.
     pub fn method_name(&self) -> String {
+        let mut name = self.method.name().to_owned();
+        if let (Method::Softsmpl, Some(part)) = (self.method, self.softsmpl.ablation()) {
+            name = format!("{name}/{part}");
+        }
         match self.descriptor.look_ahead {
-            0 => self.method.name().to_owned(),
-            frames => format!("{}/look-ahead-{frames}", self.method.name()),
+            0 => name,
+            frames => format!("{name}/look-ahead-{frames}"),
         }
     }
 }

@@ -4,10 +4,12 @@ use super::basis::count_components;
 use super::bundle::{BundleMethod, LearnedCodec};
 use super::context::Context;
 use super::job::Prepared;
+use super::leak::judge_leak;
 use super::learn::Learned;
 use super::oracle::Oracle;
 use super::probes::stop_probes;
 use super::scans::Scans;
+use crate::config::Method as Learns;
 use crate::memory::peak_memory_bytes;
 use anyhow::Result;
 use softtissue_clips::{ClipId, FitSet, Split};
@@ -65,6 +67,9 @@ pub fn judge_run(context: &Context, job: &Prepared, learned: &Learned, others: &
         asked.extend(oracle.iter().map(|m| m as &dyn Method));
         shapes(&mut metrics, &scene, clips, &asked, context)
     })?;
+    if context.config.method == Learns::Softsmpl {
+        metrics.leak = context.timed("judge: leak", || judge_leak(context, body, fit, &all(split), &learned.bundle))?;
+    }
     let decays = context.timed("judge: rest and decay", || {
         let probes = stop_probes(context, fit, split, truth.is_some() && scans.generated)?;
         let ladder = learned.ladder.iter().filter(|m| m.name.starts_with("ar2-subject") || m.name == "resonators");

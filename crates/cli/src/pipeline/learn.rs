@@ -5,6 +5,7 @@ use super::bundle::{BundleMethod, LadderMethod, LearnedCodec};
 use super::context::{Context, Place};
 use super::ladder::learn_ladder;
 use super::motions::{descriptor, training_clips};
+use super::softsmpl::learn_softsmpl;
 use super::softtissue::learn_softtissue;
 use crate::config::Method;
 use anyhow::{Context as _, Result};
@@ -100,7 +101,8 @@ pub fn learn(
     })?;
     let material = Material { body, fit, split, pca: &pca, descriptor: &descriptor, clips: &clips, strength };
     let learned = match config.method {
-        Method::Softtissue | Method::Softsmpl => learn_softtissue(context, place, &material)?,
+        Method::Softtissue => learn_softtissue(context, place, &material)?,
+        Method::Softsmpl => learn_softsmpl(context, place, &material)?,
     };
     let bundle = context.timed(&place.stage("bundle"), || ship(context, place, &material, &learned, bundle_dir))?;
     let ablation = |(part, model): (&str, Model)| BundleMethod {

@@ -8,6 +8,7 @@ mod context;
 mod job;
 mod judge;
 mod ladder;
+mod leak;
 mod learn;
 mod motions;
 mod oracle;
@@ -16,6 +17,7 @@ mod probes;
 mod recurrent;
 mod report;
 mod scans;
+mod softsmpl;
 mod softtissue;
 mod subspaces;
 

@@ -1,6 +1,7 @@
 //! The recurrent network and the linear memory beside it.
 
 use super::context::{Context, Place};
+use super::learn::Material;
 use crate::config::ShortcutKind;
 use anyhow::Result;
 use rayon::prelude::*;
@@ -9,7 +10,7 @@ use softtissue_bundle::descriptor::FeatureBlock;
 use softtissue_bundle::{Linear, Matrix, Regressor, ResonatorBank, Subspace};
 use softtissue_model::linear::{ReadoutConfig, Score, SoftScore, fit_readout};
 use softtissue_model::{Autoencoder, ShortcutStart, TrainingClip, truncated};
-use softtissue_train::{Clips, MotionSequence, RegressorTrainee, Shortcut, Stage};
+use softtissue_train::{Clips, MotionSequence, RegressorTrainee, RegressorTraining, Shortcut, Stage};
 
 /// What the regressor learns from.
 pub struct RegressorInputs<'a> {
@@ -27,6 +28,8 @@ pub struct RegressorInputs<'a> {
     pub validated: bool,
     /// Ridge strength of the shortcut, chosen on validation clips.
     pub strength: f64,
+    /// What stands round the recurrent unit.
+    pub shortcut: ShortcutKind,
 }
 
 /// A learned regressor, what it is without either of its parts, and how it was selected.
@@ -51,14 +54,20 @@ pub struct LearnedRegressor {
 }
 
 /// Fits the shortcut in closed form and trains the network; with resonators the two are learned apart and mixed as
-/// validation has it.
-pub fn learn_regressor(context: &Context, place: &Place, inputs: RegressorInputs) -> Result<LearnedRegressor> {
+/// validation has it. `name` is the stage's.
+pub fn learn_regressor(
+    context: &Context,
+    place: &Place,
+    name: &str,
+    training: &RegressorTraining,
+    inputs: RegressorInputs,
+) -> Result<LearnedRegressor> {
     let readout = fit_shortcut(context, &inputs, &in_latents(inputs.subspace, &inputs.clips.train))?;
-    let (network, best_step, best_mm) = train_network(context, place, &inputs, &readout)?;
+    let (network, best_step, best_mm) = train_network(context, place, name, training, &inputs, &readout)?;
     let score = SoftScore::new(&inputs.subspace.basis, inputs.body);
     let validation = &inputs.clips.validation;
     let judged = |latents: &[Vec<f32>]| judged(inputs.subspace, &score, validation, latents);
-    Ok(match context.config.regressor.shortcut {
+    Ok(match inputs.shortcut {
         ShortcutKind::Linear => {
             let mut without_gru = network.clone();
             without_gru.recurrent = None;
@@ -94,30 +103,60 @@ pub fn learn_regressor(context: &Context, place: &Place, inputs: RegressorInputs
     })
 }
 
+/// A regressor with a linear shortcut and nothing else; `name` is the stage's.
+pub fn train_linear(
+    context: &Context,
+    place: &Place,
+    name: &str,
+    training: &RegressorTraining,
+    inputs: &RegressorInputs,
+) -> Result<Regressor> {
+    let readout = fit_shortcut(context, inputs, &in_latents(inputs.subspace, &inputs.clips.train))?;
+    Ok(train_network(context, place, name, training, inputs, &readout)?.0)
+}
+
+/// The strength that validation chooses for a ridge readout of single frames: the start of a linear shortcut.
+pub fn ridge_strength(
+    context: &Context,
+    material: &Material,
+    blocks: &[FeatureBlock],
+    clips: &Clips<Vec<TrainingClip>>,
+) -> Result<f64> {
+    let config = linear_readout(&context.config.ladder.resonators);
+    let score = SoftScore::new(&material.pca.basis, material.body);
+    let fps = context.config.descriptor.fps;
+    Ok(fit_readout(&config, blocks, fps, &clips.train, &clips.validation, &score)?.strength)
+}
+
+/// A readout without memory or shape terms, from the ladder's settings.
+fn linear_readout(ladder: &ReadoutConfig) -> ReadoutConfig {
+    ReadoutConfig { frequencies_hz: vec![], shape_terms: vec![vec![]], ..ladder.clone() }
+}
+
 /// The recurrent unit with a linear layer around it (SoftSMPL sec. 5), as a regressor of its own. Beside resonators it
 /// sees what drives them and starts from nothing; otherwise all features, and its linear layer starts as the readout.
 fn train_network(
     context: &Context,
     place: &Place,
+    name: &str,
+    training: &RegressorTraining,
     inputs: &RegressorInputs,
     readout: &Regressor,
 ) -> Result<(Regressor, u64, f64)> {
-    let config = &context.config.regressor;
     let all = readout.feature_count();
     let seen = readout.bank.as_ref().map_or(all, ResonatorBank::channels);
     let (columns, latents) = (seen + readout.shape_count(), readout.latent_count());
-    let start = match config.shortcut {
+    let start = match inputs.shortcut {
         ShortcutKind::Linear => start_of(readout),
         ShortcutKind::Resonators => ShortcutStart { weight: vec![0.0; columns * latents], bias: vec![0.0; latents] },
     };
     let sequences = |clips: &[TrainingClip]| clips.iter().map(|clip| sequence(readout, clip, seen)).collect();
     let clips = Clips { train: sequences(&inputs.clips.train), validation: sequences(&inputs.clips.validation) };
-    let stage = Stage { name: "regressor".into(), seed: context.config.seed, device: context.device.clone() };
+    let stage = Stage { name: name.to_owned(), seed: context.config.seed, device: context.device.clone() };
     let directions = inputs.subspace.basis.directions.data();
     let shortcut = Shortcut::Trained(start);
-    let mut trainee =
-        RegressorTrainee::new(config.training.clone(), &stage, inputs.network, directions, shortcut, clips)?;
-    let (best_step, best_mm) = context.train(place, "regressor", &mut trainee, config.training.steps)?;
+    let mut trainee = RegressorTrainee::new(training.clone(), &stage, inputs.network, directions, shortcut, clips)?;
+    let (best_step, best_mm) = context.train(place, name, &mut trainee, training.steps)?;
     let (network, scale) = (trainee.into_network(), inputs.network.scale);
     let linear = network.to_shortcut(scale).expect("the network was made with a linear layer");
     let mut recurrent = network.to_recurrent(scale);
@@ -248,12 +287,10 @@ fn in_latents(subspace: &Subspace, clips: &[TrainingClip]) -> Vec<TrainingClip> 
 
 /// The shortcut on the given clips at the one strength that validation chose.
 fn fit_shortcut(context: &Context, inputs: &RegressorInputs, clips: &[TrainingClip]) -> Result<Regressor> {
-    let readout = match context.config.regressor.shortcut {
-        ShortcutKind::Resonators => context.config.ladder.resonators.clone(),
-        ShortcutKind::Linear => {
-            let ladder = context.config.ladder.resonators.clone();
-            ReadoutConfig { frequencies_hz: vec![], shape_terms: vec![vec![]], ..ladder }
-        }
+    let ladder = &context.config.ladder.resonators;
+    let readout = match inputs.shortcut {
+        ShortcutKind::Resonators => ladder.clone(),
+        ShortcutKind::Linear => linear_readout(ladder),
     };
     let readout = ReadoutConfig { strengths: vec![inputs.strength], ..readout };
     // One strength leaves nothing to select, so the score only has to have the latents' length.

@@ -9,22 +9,13 @@ use crate::exit::UsageError;
 use anyhow::Result;
 use softtissue_bundle::{Decoder, DeltaBasis, Encoder, Linear, Matrix, Model, RecurrentModel, Regressor, Subspace};
 use softtissue_model::truncated;
+use std::collections::BTreeMap;
 
 /// Learns the subspaces of all configured sizes and a regressor of the chosen one.
 pub fn learn_softtissue(context: &Context, place: &Place, material: &Material) -> Result<LearnedModel> {
     let config = context.config;
-    let Material { body, fit, split, pca, descriptor, clips, strength } = *material;
-    let subspaces = learn_subspaces(context, place, body, fit, split, pca)?;
-    let chosen = subspaces.get(&config.regressor.latents).ok_or_else(|| {
-        let sizes: Vec<String> = subspaces.keys().map(ToString::to_string).collect();
-        UsageError(format!(
-            "regressor.latents is {}, but the subspaces have {} numbers; choose one of these (a size must be under the \
-             {} components that the clips have)",
-            config.regressor.latents,
-            sizes.join(", "),
-            pca.components()
-        ))
-    })?;
+    let Material { body, pca, descriptor, clips, strength, .. } = *material;
+    let (subspaces, chosen) = subspaces_and_choice(context, place, material)?;
     let subspace = chosen.to_plain(&pca.basis);
     let regressor = context.timed(&place.stage("regressor"), || {
         let inputs = RegressorInputs {
@@ -35,11 +26,14 @@ pub fn learn_softtissue(context: &Context, place: &Place, material: &Material) -
             clips: clips.clone(),
             validated: !split.validation.is_empty(),
             strength,
+            shortcut: config.regressor.shortcut,
         };
-        learn_regressor(context, place, inputs)
+        learn_regressor(context, place, "regressor", &config.regressor.training, inputs)
     })?;
     let facts = facts(context, material, &regressor);
-    let model = |regressor: Regressor| Model::Recurrent(RecurrentModel { regressor, subspace: subspace.clone(), pose_encoder: None });
+    let model = |regressor: Regressor| {
+        Model::Recurrent(RecurrentModel { regressor, subspace: subspace.clone(), pose_encoder: None })
+    };
     Ok(LearnedModel {
         descriptor: descriptor.config().clone(),
         model: model(regressor.regressor),
@@ -51,6 +45,27 @@ pub fn learn_softtissue(context: &Context, place: &Place, material: &Material) -
         codecs: subspaces.values().map(|s| codec(s, &pca.basis)).collect(),
         facts,
     })
+}
+
+/// Subspaces of all configured sizes, and the one that is regressed.
+pub fn subspaces_and_choice(
+    context: &Context,
+    place: &Place,
+    material: &Material,
+) -> Result<(BTreeMap<usize, LearnedSubspace>, LearnedSubspace)> {
+    let Material { body, fit, split, pca, .. } = *material;
+    let wanted = context.config.regressor.latents;
+    let subspaces = learn_subspaces(context, place, body, fit, split, pca)?;
+    let chosen = subspaces.get(&wanted).cloned().ok_or_else(|| {
+        let sizes: Vec<String> = subspaces.keys().map(ToString::to_string).collect();
+        UsageError(format!(
+            "regressor.latents is {wanted}, but the subspaces have {} numbers; choose one of these (a size must be under \
+             the {} components that the clips have)",
+            sizes.join(", "),
+            pca.components()
+        ))
+    })?;
+    Ok((subspaces, chosen))
 }
 
 fn facts(context: &Context, material: &Material, regressor: &LearnedRegressor) -> Vec<(String, String)> {
@@ -76,7 +91,7 @@ fn facts(context: &Context, material: &Material, regressor: &LearnedRegressor) -
 }
 
 /// An autoencoder beside principal components of its size.
-fn codec(learned: &LearnedSubspace, basis: &DeltaBasis) -> LearnedCodec {
+pub fn codec(learned: &LearnedSubspace, basis: &DeltaBasis) -> LearnedCodec {
     LearnedCodec {
         latents: learned.latents as u32,
         pca: SubspaceCodec(linear(basis, learned.latents)),

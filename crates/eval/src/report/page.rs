@@ -66,6 +66,10 @@ fn header(input: &ReportInput, title: &str) -> String {
     )
 }
 
+const LEAK: &str = "<p>How well a linear probe tells from the motion descriptor who moves, on motions that it has not seen, \
+                    and what motion it is. The learned pose should give away less of the person and keep the motion. Excess \
+                    over chance: 0 % guesses, 100 % knows.</p>";
+
 struct Section {
     id: &'static str,
     title: &'static str,
@@ -73,7 +77,7 @@ struct Section {
 }
 
 /// Which sections there are, for the bar at the top.
-fn nav(input: &ReportInput) -> [(&'static str, &'static str, bool); 7] {
+fn nav(input: &ReportInput) -> [(&'static str, &'static str, bool); 8] {
     let m = input.metrics;
     [
         ("view", "See it move", !input.playback.is_empty()),
@@ -81,6 +85,7 @@ fn nav(input: &ReportInput) -> [(&'static str, &'static str, bool); 7] {
         ("errors", "Errors", !m.methods.is_empty()),
         ("motion", "Motion", !m.methods.is_empty()),
         ("subspace", "Subspace", !m.subspace.is_empty()),
+        ("leak", "Leak", !m.leak.is_empty()),
         ("fit", "Fit", m.fit.is_some() || !m.fit_objectives.is_empty()),
         ("run", "Run", !input.facts.is_empty() || !input.stages.is_empty() || !input.training.is_empty()),
     ]
@@ -99,6 +104,7 @@ fn sections(input: &ReportInput, data: &PageData) -> Vec<Section> {
             "errors" => errors(input),
             "motion" => motion(input),
             "subspace" => subspace(input),
+            "leak" => LEAK.to_owned() + &tables::leak(m),
             "fit" => tables::fit(m),
             _ => {
                 tables::run(input)

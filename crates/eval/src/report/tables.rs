@@ -3,7 +3,7 @@
 use super::ReportInput;
 use super::text::{by_rank, duration, escape, is_channel, method_label, number, thousands};
 use crate::measures::REPORTED;
-use crate::{FitMetrics, Gate, MethodMetrics, Metrics, OURS, RegionMetrics};
+use crate::{FitMetrics, Gate, MethodMetrics, Metrics, OURS, ProbeMetrics, RegionMetrics};
 use std::fmt::Write;
 
 fn names(metrics: &Metrics, take: impl Fn(&str) -> bool) -> Vec<&str> {
@@ -275,6 +275,26 @@ pub fn subspace(metrics: &Metrics) -> String {
         cell(&mut out, &change(m.ae_mm, m.pca_mm), "");
         optionals(&mut out, &[m.scan_pca_mm, m.scan_ae_mm]);
         cell(&mut out, &change(m.scan_ae_mm, m.scan_pca_mm), "");
+        out += "</tr>";
+    }
+    out + TAIL
+}
+
+/// What a linear probe tells from each motion descriptor.
+pub fn leak(metrics: &Metrics) -> String {
+    let mut out = head(&["Told right", "subject", "excess over chance", "motion", "excess over chance"]);
+    for (name, m) in &metrics.leak {
+        let words = match name.split_once('/') {
+            Some((kind, "static")) => format!("{kind}, without velocities"),
+            _ => name.clone(),
+        };
+        let _ = write!(out, "<tr><th scope=\"row\">{}</th>", escape(&words));
+        let percent = |x: f64| format!("{:.0} %", 100.0 * x);
+        for probe in [m.subject, m.motion] {
+            let text = |figure: fn(&ProbeMetrics) -> f64| probe.as_ref().map_or("–".into(), |p| percent(figure(p)));
+            cell(&mut out, &text(|p| p.accuracy), "");
+            cell(&mut out, &text(ProbeMetrics::excess), "");
+        }
         out += "</tr>";
     }
     out + TAIL
