@@ -52,9 +52,8 @@ pub fn learn_softsmpl(context: &Context, place: &Place, material: &Material) -> 
     };
     let own = clips.train.len();
     if settings.transfer {
-        let people = context.timed(&place.stage("regressors of each person"), || {
-            learn_people(context, place, &clips, |clips| inputs(clips))
-        })?;
+        let people = context
+            .timed(&place.stage("regressors of each person"), || learn_people(context, place, &clips, &inputs))?;
         let extra = transferred(&subspace, &people, &clips.train);
         clips.train.extend(extra);
     }
