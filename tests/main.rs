@@ -7,4 +7,5 @@ mod comparison;
 mod controls;
 mod main_job;
 mod resume;
+mod softsmpl;
 mod support;

@@ -6,7 +6,7 @@ use crate::support::{
 use serde_json::Value;
 use softtissue_clips::{ClipId, ScanClip, ScanSet, TruthSet};
 use softtissue_eval::Metrics;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 fn json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).expect("a file")).expect("JSON")
@@ -95,14 +95,29 @@ fn arrays(path: &Path) -> Vec<u8> {
 
 #[test]
 fn a_fold_learns_nothing_from_what_it_judges() {
-    let run = tiny_run();
     let home = folder("folds");
+    let clean =
+        blind_fold(&home, &[], &["basis", "ladder", "subspace-8", "subspace-16", "regressor"]).display().to_string();
+    softtissue(&["eval", &clean, "--protocol", "leave-one-sequence-out", "--folds", "dancing"])
+        .refused(3, &["dancing"]);
+}
+
+#[test]
+fn a_fold_of_softsmpl_learns_nothing_from_what_it_judges() {
+    let stages = ["subspace-16", "softsmpl.poses", "softsmpl-of-s00", "softsmpl-of-s01", "softsmpl"];
+    blind_fold(&folder("softsmpl-folds"), &["--set", "method=softsmpl"], &stages);
+}
+
+/// Runs a fold with the clip that it leaves out as it is and a million times too large: every stage and the bundle stay.
+/// Returns the run of the clip as it is.
+fn blind_fold(home: &Path, settings: &[&str], stages: &[&str]) -> PathBuf {
+    let run = tiny_run();
     let fold = |name: &str, poison: bool| {
         let scans = home.join(name).join("scans");
         copy_below(&tiny_scans(), &scans);
         let out = home.join(name).join("run");
         let mut train = tiny_train(&run.config, &out);
-        train.arg("--data").arg(&scans).arg("--no-eval");
+        train.args(settings).arg("--data").arg(&scans).arg("--no-eval");
         Said::of(&train.output().expect("the command starts")).fine();
         if poison {
             let path = ScanSet::scan_path(&scans, &ClipId::new("s01", "punching", 0));
@@ -124,16 +139,14 @@ fn a_fold_learns_nothing_from_what_it_judges() {
     // What judging says of scans a million times too large is of no interest here.
     let (poisoned, said) = fold("poisoned", true);
     let name = "leave-one-sequence-out/s01.punching";
-    for stage in ["basis", "ladder", "subspace-8", "subspace-16", "regressor"] {
+    for stage in stages {
         let path = |out: &Path| out.join("stages").join(name).join(format!("{stage}.safetensors"));
         assert!(path(&poisoned).exists(), "{stage}: {}", said.err);
         assert!(arrays(&path(&poisoned)) == arrays(&path(&clean)), "{stage} saw the clip that was left out");
     }
     let model = |out: &Path| std::fs::read(out.join("folds").join(name).join("model.safetensors"));
     assert!(model(&poisoned).expect("a model") == model(&clean).expect("a model"), "the bundle saw it");
-    let clean = clean.display().to_string();
-    softtissue(&["eval", &clean, "--protocol", "leave-one-sequence-out", "--folds", "dancing"])
-        .refused(3, &["dancing"]);
+    clean
 }
 
 #[test]

@@ -91,6 +91,15 @@ batch = 3
 width = 16
 [descriptor]
 modes = 12
+[softsmpl]
+transfer_steps = 6
+[softsmpl.poses.training]
+epochs = 2
+batch = 64
+[softsmpl.training]
+steps = 12
+batch = 3
+width = 16
 [train]
 validate_every = 5
 checkpoint_every = 4
