@@ -1,4 +1,4 @@
-use crate::{BundleError, Model, ModelState, RecurrentModel, Resonator, ResonatorBank, Result};
+use crate::{BundleError, Model, ModelState, Resonator, ResonatorBank, Result};
 use glam::Vec3;
 use softtissue_body::{BodyModel, Region};
 use softtissue_geometry::Adjacency;
@@ -286,7 +286,7 @@ fn region_shares(body: &BodyModel) -> Vec<Vec<f32>> {
 /// The model with the damping ratios of its resonators multiplied.
 fn with_damping(model: &Model, factor: f32) -> Result<Model> {
     let bank = model.recurrent().and_then(|m| m.regressor.bank.as_ref());
-    let (Some(RecurrentModel { regressor, subspace }), Some(bank)) = (model.recurrent(), bank) else {
+    let (Some(recurrent), Some(bank)) = (model.recurrent(), bank) else {
         let message = "a damping for a model without resonators; leave it at 1, or use a bundle of method softtissue";
         return Err(BundleError::Input(message.into()));
     };
@@ -294,7 +294,7 @@ fn with_damping(model: &Model, factor: f32) -> Result<Model> {
     let damped = |r: &Resonator| Resonator { damping: (factor * r.damping).clamp(least, most), ..*r };
     let resonators = bank.resonators().iter().map(damped).collect();
     let bank = ResonatorBank::new(resonators, bank.channels(), bank.fps());
-    let mut regressor = regressor.clone();
-    regressor.bank = Some(bank);
-    Ok(Model::Recurrent(RecurrentModel { regressor, subspace: subspace.clone() }))
+    let mut recurrent = recurrent.clone();
+    recurrent.regressor.bank = Some(bank);
+    Ok(Model::Recurrent(recurrent))
 }

@@ -47,13 +47,14 @@ pub fn learn_softsmpl(context: &Context, place: &Place, material: &Material) -> 
         subspace: &subspace,
         network: &chosen.network,
         clips,
+        validated: !material.split.validation.is_empty(),
         strength,
         shortcut: ShortcutKind::Linear,
     };
     let own = clips.train.len();
     if settings.transfer {
         let people = context
-            .timed(&place.stage("regressors of each person"), || learn_people(context, place, &clips, &inputs))?;
+            .timed(&place.stage("regressors of each person"), || learn_people(context, place, &clips, inputs))?;
         let extra = transferred(&subspace, &people, &clips.train);
         clips.train.extend(extra);
     }

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 /// Learns the subspaces of all configured sizes and a regressor of the chosen one.
 pub fn learn_softtissue(context: &Context, place: &Place, material: &Material) -> Result<LearnedModel> {
     let config = context.config;
-    let Material { body, pca, descriptor, clips, strength, .. } = *material;
+    let Material { body, split, pca, descriptor, clips, strength, .. } = *material;
     let (subspaces, chosen) = subspaces_and_choice(context, place, material)?;
     let subspace = chosen.to_plain(&pca.basis);
     let regressor = context.timed(&place.stage("regressor"), || {

@@ -70,7 +70,7 @@ fn reconstructions_and_gradients_match_pytorch() {
         assert!(pose[1..].iter().all(|w| w.length() < 3.1), "the reference's angles are under a half turn");
         plain.apply(&pose, &mut scratch, &mut p);
         assert!(relative_difference(&p, wanted) < 1e-4);
-        pose[2] -= std::f32::consts::TAU * pose[2].normalize();
+        pose[2] = pose[2] - std::f32::consts::TAU * pose[2].normalize();
         plain.apply(&pose, &mut scratch, &mut p);
         assert!(relative_difference(&p, wanted) < 1e-4);
     }
