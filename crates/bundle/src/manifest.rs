@@ -1,5 +1,5 @@
 use crate::descriptor::DescriptorConfig;
-use crate::{Bundle, BundleError, BundleInfo, Model, RecurrentModel, Resonator, Result};
+use crate::{Bundle, BundleError, BundleInfo, FeedbackModel, Model, RecurrentModel, Resonator, Result};
 use serde::{Deserialize, Serialize};
 use softtissue_store::{StoreError, read_limited};
 use std::path::Path;
@@ -40,6 +40,7 @@ pub(crate) struct Manifest {
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub(crate) enum ModelForm {
     Recurrent(RecurrentForm),
+    Feedback(FeedbackForm),
 }
 
 /// A recurrent model.
@@ -54,6 +55,16 @@ pub(crate) struct RecurrentForm {
     pub(crate) recurrent: bool,
     pub(crate) encoder_units: usize,
     pub(crate) decoder_units: usize,
+}
+
+/// A model that is fed back.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FeedbackForm {
+    /// Names, in the order of the arrays.
+    pub(crate) people: Vec<String>,
+    /// Whether the fed back latents are clipped.
+    pub(crate) latent_limits: bool,
 }
 
 /// A resonator bank.
@@ -94,6 +105,7 @@ impl ModelForm {
     fn of(model: &Model) -> Self {
         match model {
             Model::Recurrent(m) => Self::Recurrent(RecurrentForm::of(m)),
+            Model::Feedback(m) => Self::Feedback(FeedbackForm::of(m)),
         }
     }
 }
@@ -110,6 +122,15 @@ impl RecurrentForm {
             recurrent: regressor.recurrent.is_some(),
             encoder_units: subspace.encoder.units.len(),
             decoder_units: subspace.decoder.units.len(),
+        }
+    }
+}
+
+impl FeedbackForm {
+    fn of(FeedbackModel { people }: &FeedbackModel) -> Self {
+        Self {
+            people: people.iter().map(|p| p.name.clone()).collect(),
+            latent_limits: people.iter().any(|p| p.latent_limits.is_some()),
         }
     }
 }

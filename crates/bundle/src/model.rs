@@ -1,11 +1,13 @@
 use crate::descriptor::DescriptorConfig;
-use crate::{Linear, Regressor, RegressorState, Subspace, SubspaceScratch};
+use crate::{FeedbackModel, FeedbackState, Linear, Regressor, RegressorState, Subspace, SubspaceScratch};
 
 /// What turns a motion's features into deltas: a variant for each family of methods.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Model {
     /// SoftSMPL (2020) and ours: a regressor of latent numbers and their decoder.
     Recurrent(RecurrentModel),
+    /// Casas and Otaduy (2018): a regressor of the deltas, fed back through an encoder.
+    Feedback(FeedbackModel),
 }
 
 /// What a [`Model`] remembers of the motion of one body, and its working memory.
@@ -13,6 +15,8 @@ pub enum Model {
 pub enum ModelState {
     /// Of a [`RecurrentModel`].
     Recurrent(RecurrentState),
+    /// Of a [`FeedbackModel`].
+    Feedback(FeedbackState),
 }
 
 /// From features to latent to deltas.
@@ -42,30 +46,35 @@ impl Model {
     pub fn feature_count(&self) -> usize {
         match self {
             Self::Recurrent(m) => m.regressor.input.input_size,
+            Self::Feedback(m) => m.feature_count(),
         }
     }
     /// Vertices `V` that it moves.
     pub fn vertex_count(&self) -> usize {
         match self {
             Self::Recurrent(m) => m.subspace.vertex_count(),
+            Self::Feedback(m) => m.vertex_count(),
         }
     }
     /// Orthonormal delta modes `[K, V * 3]` that a descriptor may project forces on; `None` if the model has none.
     pub fn modes(&self) -> Option<&[f32]> {
         match self {
             Self::Recurrent(m) => Some(m.subspace.basis.directions.data()),
+            Self::Feedback(_) => None,
         }
     }
     /// The recurrent model, where it is one.
     pub fn recurrent(&self) -> Option<&RecurrentModel> {
         match self {
             Self::Recurrent(m) => Some(m),
+            Self::Feedback(_) => None,
         }
     }
     /// Index, least and greatest value in training of each shape coefficient that it looks at.
     pub fn shape_limits(&self) -> Vec<(u32, f32, f32)> {
         match self {
             Self::Recurrent(m) => m.regressor.shape.limits(),
+            Self::Feedback(m) => m.shape_limits(),
         }
     }
 
@@ -73,6 +82,7 @@ impl Model {
     pub fn start(&self, beta: &[f32]) -> ModelState {
         match self {
             Self::Recurrent(m) => ModelState::Recurrent(m.start(beta)),
+            Self::Feedback(m) => ModelState::Feedback(m.start(beta)),
         }
     }
     /// One frame: features `[D]` in, `deltas [V * 3]` (metres, rest frame) out. Returns how many features were clipped
@@ -80,6 +90,8 @@ impl Model {
     pub fn step(&self, features: &[f32], state: &mut ModelState, deltas: &mut [f32]) -> usize {
         match (self, state) {
             (Self::Recurrent(m), ModelState::Recurrent(state)) => m.step(features, state, deltas),
+            (Self::Feedback(m), ModelState::Feedback(state)) => m.step(features, state, deltas),
+            _ => panic!("the state belongs to another kind of model"),
         }
     }
 
@@ -87,6 +99,7 @@ impl Model {
     pub(crate) fn check(&self, descriptor: &DescriptorConfig) -> Result<(), String> {
         match self {
             Self::Recurrent(m) => m.check(descriptor),
+            Self::Feedback(m) => m.check(),
         }
     }
 }
@@ -96,18 +109,21 @@ impl ModelState {
     pub fn reset(&mut self) {
         match self {
             Self::Recurrent(s) => s.regressor.reset(),
+            Self::Feedback(s) => s.reset(),
         }
     }
     /// Whether what it remembers is finite.
     pub fn is_finite(&self) -> bool {
         match self {
             Self::Recurrent(s) => s.regressor.is_finite(),
+            Self::Feedback(s) => s.is_finite(),
         }
     }
     /// The few numbers behind the newest deltas.
     pub fn latent(&self) -> &[f32] {
         match self {
             Self::Recurrent(s) => s.regressor.latent(),
+            Self::Feedback(s) => s.latent(),
         }
     }
 }

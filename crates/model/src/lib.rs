@@ -2,21 +2,25 @@
 
 mod autoencoder;
 mod error;
+mod feedback;
 mod gru;
 mod layer;
 pub mod linear;
 mod pca;
 mod predictor;
 mod regressor;
+mod standardisation;
 mod training_clip;
 
 use softtissue_bundle as plain;
 
 pub use autoencoder::{Autoencoder, AutoencoderConfig, Decoder, Dropout, Encoder, ResidualUnit, power_of_two};
 pub use error::ModelError;
+pub use feedback::{DeltaAutoencoder, FeedbackRegressor, PrincipalStart, ThreeLayers};
 pub use gru::{Gru, GruFrame, GruRollout};
 pub use layer::host;
 pub use pca::{FrameSource, Pca, PcaConfig, coefficients_of, deltas_of, truncated};
 pub use predictor::Predictor;
 pub use regressor::{Regressor, RegressorConfig, ShortcutStart};
+pub use standardisation::Standardisation;
 pub use training_clip::TrainingClip;

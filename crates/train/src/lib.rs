@@ -7,8 +7,10 @@ mod adam;
 mod adam_solver;
 mod bptt;
 mod checkpoint;
+mod delta_autoencoder_step;
 pub mod device;
 mod error;
+mod feedback_step;
 mod fit_adam;
 mod log;
 pub mod losses;
@@ -26,7 +28,11 @@ pub use adam::{Adam, AdamConfig, GradientMap, load_module, module_gradients, mod
 pub use adam_solver::AdamSolver;
 pub use bptt::GruTrace;
 pub use checkpoint::{Checkpoint, CheckpointFolder, read_state, write_state};
+pub use delta_autoencoder_step::{
+    AutoencoderStart, DeltaAutoencoderTrainee, DeltaAutoencoderTraining, DeltaMetric,
+};
 pub use error::TrainError;
+pub use feedback_step::{FeedbackClip, FeedbackGround, FeedbackTrainee, FeedbackTraining};
 pub use fit_adam::{AdamFit, AdamPoseFit};
 pub use log::RunLog;
 pub use regressor_step::{LossSpace, MotionSequence, RegressorTrainee, RegressorTraining, Shortcut};

@@ -1,3 +1,4 @@
+use super::angles::{AngleFeatures, AngleState};
 use super::forces::{ForceFeatures, ForceState};
 use super::pose::{PoseFeatures, PoseState};
 use super::{DescriptorConfig, FeatureBlock, FeatureKind, LowPass};
@@ -42,6 +43,7 @@ pub struct Descriptor {
 enum Kind {
     Pose(PoseFeatures),
     Forces(ForceFeatures),
+    Angles(AngleFeatures),
 }
 
 /// What a descriptor remembers of the frames before, and its scratch.
@@ -52,6 +54,7 @@ pub struct DescriptorState(State);
 enum State {
     Pose(PoseState),
     Forces(ForceState),
+    Angles(AngleState),
 }
 
 impl Descriptor {
@@ -65,6 +68,7 @@ impl Descriptor {
             FeatureKind::Pose => {
                 Kind::Pose(PoseFeatures::new(joints, config.root_angular_velocity, low_pass, config.fps))
             }
+            FeatureKind::Angles => Kind::Angles(AngleFeatures::new(joints, config.root_position, low_pass, config.fps)),
             FeatureKind::ModalForces => {
                 let (vertices, needed) = (body.vertex_count(), config.modes);
                 let found = modes.map_or(0, <[f32]>::len);
@@ -83,6 +87,7 @@ impl Descriptor {
         let blocks = match &kind {
             Kind::Pose(k) => k.blocks(),
             Kind::Forces(k) => k.blocks(),
+            Kind::Angles(k) => k.blocks(),
         };
         let (vertex_count, joint_count) = (body.vertex_count(), joints);
         Ok(Self { config: config.clone(), kind, blocks, low_pass, vertex_count, joint_count })
@@ -115,11 +120,12 @@ impl Descriptor {
         DescriptorState(match &self.kind {
             Kind::Pose(k) => State::Pose(k.state()),
             Kind::Forces(k) => State::Forces(k.state()),
+            Kind::Angles(k) => State::Angles(k.state()),
         })
     }
 
     /// One frame. `transforms` are the vertices' blended `posed_from_rest`, `skinned` the posed vertices without deltas,
-    /// both `[V]` (unused, and free to be empty, for `pose`); `out` is `[D]`. Allocates nothing. Panics if a
+    /// both `[V]` (unused, and free to be empty, but for modal forces); `out` is `[D]`. Allocates nothing. Panics if a
     /// length is wrong or the state is another descriptor's.
     pub fn step(
         &self,
@@ -133,6 +139,7 @@ impl Descriptor {
         assert_eq!(pose.rotations.len(), self.joint_count, "joints of a pose");
         match (&self.kind, &mut state.0) {
             (Kind::Pose(k), State::Pose(state)) => k.step(state, pose, out),
+            (Kind::Angles(k), State::Angles(state)) => k.step(state, pose, out),
             (Kind::Forces(k), State::Forces(state)) => {
                 assert_eq!(transforms.len(), self.vertex_count, "transforms of a frame");
                 assert_eq!(skinned.len(), self.vertex_count, "skinned vertices of a frame");
