@@ -3,7 +3,7 @@ use crate::feedback::{FeedbackModel, FeedbackPerson, Limits as Range};
 use crate::manifest::{FeedbackForm, ModelForm, RecurrentForm};
 use crate::{
     BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model, Recurrent, RecurrentModel, Regressor,
-    ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace,
+    ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace, ThreeLayers,
 };
 use softtissue_geometry::Frames;
 use softtissue_store::{Limits, TensorFile, TensorFileWriter};
@@ -72,7 +72,7 @@ impl<'a> Writer<'a> {
     fn person(&mut self, i: usize, person: &'a FeedbackPerson) {
         let name = |part: &str| format!("person.{i}.{part}");
         self.vector(&name("beta"), &person.beta);
-        for (layer, linear) in person.encoder.iter().enumerate() {
+        for (layer, linear) in person.encoder.0.iter().enumerate() {
             self.linear(&name(&format!("encoder.{layer}")), linear);
         }
         self.linear(&name("hidden"), &person.hidden);
@@ -154,11 +154,11 @@ impl Reader<'_> {
             Ok(FeedbackPerson {
                 name: name.clone(),
                 beta: self.vector(&part("beta"))?,
-                encoder: [
+                encoder: ThreeLayers([
                     self.linear(&part("encoder.0"))?,
                     self.linear(&part("encoder.1"))?,
                     self.linear(&part("encoder.2"))?,
-                ],
+                ]),
                 hidden: self.linear(&part("hidden"))?,
                 output: self.linear(&part("output"))?,
                 pose_limits: self.range(&part("poses"))?,

@@ -1,5 +1,5 @@
-use crate::Linear;
 use crate::model::{LARGEST_WIDTH, check_linear, fits};
+use crate::{Linear, ThreeLayers};
 
 /// Casas and Otaduy (2018): one person's whole delta is regressed from the poses and from what was regressed before,
 /// which reaches the next frame through an encoder. Several people stand side by side, each with networks of their
@@ -25,8 +25,8 @@ pub struct FeedbackPerson {
     pub name: String,
     /// Their shape.
     pub beta: Vec<f32>,
-    /// `[V * 3] -> [L]`: linear layers, the second rectified.
-    pub encoder: [Linear; 3],
+    /// `[V * 3] -> [L]`.
+    pub encoder: ThreeLayers,
     /// `[2 L + h P] -> [H]` with `h` poses; rectified.
     pub hidden: Linear,
     /// `[H] -> [V * 3]`, metres.
@@ -137,16 +137,15 @@ impl FeedbackModel {
     pub fn start(&self, beta: &[f32]) -> FeedbackState {
         let person = self.nearest(beta);
         let networks = &self.people[person];
-        let [first, second, last] = &networks.encoder;
         let mut state = FeedbackState {
             person,
-            rest: vec![0.0; last.outputs()],
+            rest: vec![0.0; networks.latent_count()],
             input: vec![0.0; networks.hidden.inputs()],
             features: networks.pose_limits.len(),
             started: false,
             hidden: vec![0.0; networks.hidden.outputs()],
-            coded: [vec![0.0; first.outputs()], vec![0.0; second.outputs()]],
-            latent: vec![0.0; last.outputs()],
+            coded: networks.encoder.scratch(),
+            latent: vec![0.0; networks.latent_count()],
         };
         networks.encode(&vec![0.0; networks.output.outputs()], &mut state);
         state.rest.copy_from_slice(&state.latent);
@@ -181,7 +180,7 @@ impl FeedbackModel {
 impl FeedbackPerson {
     /// Latent numbers `L`.
     pub fn latent_count(&self) -> usize {
-        self.encoder[2].outputs()
+        self.encoder.outputs()
     }
     /// Poses that the regressor sees, this frame's and those before.
     pub fn pose_history(&self) -> usize {
@@ -190,12 +189,7 @@ impl FeedbackPerson {
 
     /// `state.latent` from `deltas [V * 3]`.
     fn encode(&self, deltas: &[f32], state: &mut FeedbackState) {
-        let [first, second, last] = &self.encoder;
-        let [a, b] = &mut state.coded;
-        first.apply(deltas, a);
-        second.apply(a, b);
-        b.iter_mut().for_each(|x| *x = x.max(0.0));
-        last.apply(b, &mut state.latent);
+        self.encoder.apply(deltas, &mut state.coded, &mut state.latent);
         if let Some(limits) = &self.latent_limits {
             limits.clip(&mut state.latent);
         }
@@ -204,7 +198,7 @@ impl FeedbackPerson {
     /// Sizes within the person, and those of another person.
     fn check(&self, other: &Self) -> Result<(), String> {
         let (width, latents, poses) = (other.output.outputs(), self.latent_count(), self.pose_limits.len());
-        let [first, second, last] = &self.encoder;
+        let ThreeLayers([first, second, last]) = &self.encoder;
         for (what, count) in [
             ("latent numbers", latents),
             ("features", poses),
@@ -213,7 +207,10 @@ impl FeedbackPerson {
             ("poses", self.pose_history()),
         ] {
             if !(1..=LARGEST_WIDTH).contains(&count) {
-                return Err(format!("{} has {count} {what}, expected 1 to {LARGEST_WIDTH}; export it again", self.name));
+                return Err(format!(
+                    "{} has {count} {what}, expected 1 to {LARGEST_WIDTH}; export it again",
+                    self.name
+                ));
             }
         }
         let sizes = |p: &Self| {
@@ -293,7 +290,7 @@ mod tests {
         FeedbackPerson {
             name: name.into(),
             beta,
-            encoder: [linear(WIDTH, 5, seed), linear(5, 4, seed + 0.1), linear(4, LATENTS, seed + 0.2)],
+            encoder: ThreeLayers([linear(WIDTH, 5, seed), linear(5, 4, seed + 0.1), linear(4, LATENTS, seed + 0.2)]),
             hidden: linear(2 * LATENTS + history * POSES, 7, seed + 0.3),
             output: linear(7, WIDTH, seed + 0.4),
             pose_limits: limits(POSES, 2.0),
@@ -316,7 +313,8 @@ mod tests {
                 .collect()
         };
         let relu = |x: Vec<f64>| -> Vec<f64> { x.into_iter().map(|x| x.max(0.0)).collect() };
-        let code = |d: &[f64]| layer(&p.encoder[2], &relu(layer(&p.encoder[1], &layer(&p.encoder[0], d))));
+        let [first, second, third] = &p.encoder.0;
+        let code = |d: &[f64]| layer(third, &relu(layer(second, &layer(first, d))));
         let rest = code(&[0.0; WIDTH]);
         let mut codes = vec![rest.clone(), rest];
         let mut deltas = vec![];
@@ -358,7 +356,7 @@ mod tests {
     fn poses_and_latents_are_clipped_to_their_range_in_training() {
         let mut one = person("one", vec![], 2, 0.5);
         // Weights without a sign: feedback that grows from frame to frame, were it free.
-        let layers = one.encoder.iter_mut().chain([&mut one.hidden, &mut one.output]);
+        let layers = one.encoder.0.iter_mut().chain([&mut one.hidden, &mut one.output]);
         layers.for_each(|layer| layer.weight.data_mut().iter_mut().for_each(|w| *w = w.abs()));
         let free = FeedbackModel { people: vec![one.clone()] };
         one.latent_limits = Some(limits(LATENTS, 0.5));
@@ -407,7 +405,7 @@ mod tests {
             let reason = model.check().unwrap_err();
             assert!(reason.contains(word), "{word}: {reason}");
         };
-        refused(|p| p.encoder[1].bias.truncate(2), "encoder.1");
+        refused(|p| p.encoder.0[1].bias.truncate(2), "encoder.1");
         refused(|p| p.hidden = linear(2 * LATENTS + 2 * POSES + 1, 7, 0.1), "person b");
         refused(|p| p.output = linear(7, WIDTH + 3, 0.1), "output has size");
         refused(|p| p.pose_limits.lower[1] = 3.0, "pose limits");

@@ -31,7 +31,7 @@ pub use file::MANIFEST_FILE;
 pub use manifest::FORMAT_VERSION;
 pub use matrix::Matrix;
 pub use model::{Model, ModelState, RecurrentModel, RecurrentState};
-pub use network::{Gru, Linear, ResidualUnit};
+pub use network::{Gru, Linear, ResidualUnit, ThreeLayers};
 pub use player::{Player, RolloutReport, StepReport};
 pub use regressor::{Recurrent, Regressor, RegressorState};
 pub use resonators::{Resonator, ResonatorBank};

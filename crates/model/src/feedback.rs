@@ -66,9 +66,13 @@ impl ThreeLayers {
     }
 
     /// As plain layers, on inputs that are not standardised yet.
-    pub fn to_plain(&self, input: &Standardisation) -> [plain::Linear; 3] {
-        let [first, second, third] = [&self.first, &self.second, &self.third].map(|l| layer::to_plain(l, 1.0, 1.0));
-        [input.before(first), second, third]
+    pub fn to_plain(&self, input: &Standardisation) -> plain::ThreeLayers {
+        let [first, second, third] = self.layers();
+        plain::ThreeLayers([input.before(first), second, third])
+    }
+
+    fn layers(&self) -> [plain::Linear; 3] {
+        [&self.first, &self.second, &self.third].map(|l| layer::to_plain(l, 1.0, 1.0))
     }
 }
 
@@ -114,6 +118,12 @@ impl DeltaAutoencoder {
                 third: set_rows(decoder.third, 2 * latents, rebuilt, device),
             },
         }
+    }
+
+    /// Encoder and decoder as plain layers, of deltas in metres.
+    pub fn to_plain(&self, deltas: &Standardisation) -> [plain::ThreeLayers; 2] {
+        let [first, second, third] = self.decoder.layers();
+        [self.encoder.to_plain(deltas), plain::ThreeLayers([first, second, deltas.after(third)])]
     }
 
     /// Reconstruction `[B, V * 3]` of deltas `[B, V * 3]`.

@@ -22,7 +22,8 @@ impl Standardisation {
         let count = frames().count().max(1) as f64;
         let average = |value: &dyn Fn(usize, f32) -> f64| {
             let mut sums = vec![0.0f64; width];
-            frames().for_each(|frame| sums.iter_mut().zip(frame).enumerate().for_each(|(i, (s, x))| *s += value(i, *x)));
+            frames()
+                .for_each(|frame| sums.iter_mut().zip(frame).enumerate().for_each(|(i, (s, x))| *s += value(i, *x)));
             sums.iter_mut().for_each(|s| *s /= count);
             sums
         };

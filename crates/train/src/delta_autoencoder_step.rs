@@ -45,8 +45,6 @@ pub struct DeltaAutoencoderTraining {
     pub learning_rate: f64,
     /// Whether the learning rate falls to zero by a cosine. Default true; the paper's stays.
     pub decay: bool,
-    /// The optimiser's constants.
-    pub adam: AdamConfig,
 }
 
 impl Default for DeltaAutoencoderTraining {
@@ -59,7 +57,6 @@ impl Default for DeltaAutoencoderTraining {
             batch: 64,
             learning_rate: 1e-4,
             decay: true,
-            adam: AdamConfig::default(),
         }
     }
 }
@@ -130,7 +127,7 @@ impl DeltaAutoencoderTrainee {
             DeltaMetric::Vertices => WeightedDistance::of_vertices(&standard.deviation, &vec![1.0; width / 3]),
             DeltaMetric::Standardised => WeightedDistance::of_standardised(&standard.deviation),
         };
-        let (adam, stage) = (Adam::new(config.adam.clone()), Stage { device, ..stage.clone() });
+        let (adam, stage) = (Adam::new(AdamConfig::default()), Stage { device, ..stage.clone() });
         let (train, validation) = (standard.apply(&train), standard.apply(&validation));
         Ok(Self { config, stage, network, adam, distance, train, validation, width })
     }

@@ -16,12 +16,12 @@ use softtissue_random::Draws;
 pub struct FeedbackTraining {
     /// Hidden units. Default 0: the root of the product of inputs and outputs, rounded down, as published.
     pub width: usize,
-    /// Poses that it sees, this frame's and those before. Default 2, which the paper's count of inputs says; its text
-    /// lists three.
+    /// Poses that it sees, this frame's and those before. Default 3, which the paper's text lists; its count of inputs
+    /// says 2.
     pub pose_history: usize,
     /// Whether vertices weigh by how much their deltas' velocity changes in training (eq. 7). Default true.
     pub weighted: bool,
-    /// Steps of a whole training. Default 400.
+    /// Steps of a whole training. Default 600.
     pub steps: u64,
     /// Frames in a batch, drawn anew for each step. Default 64; the paper gives none.
     pub batch: usize,
@@ -29,36 +29,38 @@ pub struct FeedbackTraining {
     pub learning_rate: f64,
     /// Whether the learning rate falls to zero by a cosine. Default true.
     pub decay: bool,
-    /// Standard deviation of the noise on each fed back latent number, in its own standard deviations. Default 0.5;
-    /// 0 as published.
+    /// Standard deviation of the noise on each fed back latent number, in its own standard deviations. Default 0, as
+    /// published.
     pub latent_noise: f64,
+    /// Standard deviation of a noise that all poses of the history share, in each feature's own standard deviations: what
+    /// a pose is becomes vague, how it changes stays exact. Default 1.5; 0 as published.
+    pub pose_noise: f64,
     /// Part of the fed back latents that come from the regressor's own rollouts in the place of the scans (scheduled
-    /// sampling, Bengio et al. 2015); reached half way through. Default 0, as published.
+    /// sampling, Bengio et al. 2015); reached half way through. Default 1;
+    /// 0 as published.
     pub own_latents: f64,
-    /// Steps between rollouts of the training clips for `own_latents`. Default 50.
+    /// Steps between rollouts of the training clips for `own_latents`. Default 100.
     pub rollout_every: u64,
     /// Whether fed back latents are clipped to their range in training, which bounds every rollout. Default true; false
     /// as published.
     pub clip_latents: bool,
-    /// The optimiser's constants.
-    pub adam: AdamConfig,
 }
 
 impl Default for FeedbackTraining {
     fn default() -> Self {
         Self {
             width: 0,
-            pose_history: 2,
+            pose_history: 3,
             weighted: true,
-            steps: 400,
+            steps: 600,
             batch: 64,
             learning_rate: 1e-3,
             decay: true,
-            latent_noise: 0.5,
-            own_latents: 0.0,
-            rollout_every: 50,
+            latent_noise: 0.0,
+            pose_noise: 1.5,
+            own_latents: 1.0,
+            rollout_every: 100,
             clip_latents: true,
-            adam: AdamConfig::default(),
         }
     }
 }
@@ -164,7 +166,7 @@ impl FeedbackTrainee {
         let even = vec![1.0; ground.rigidity.len()];
         let weights = if config.weighted { &ground.rigidity } else { &even };
         let distance = WeightedDistance::of_vertices(&ground.deltas.deviation, weights);
-        let (adam, own) = (Adam::new(config.adam.clone()), Vec::new());
+        let (adam, own) = (Adam::new(AdamConfig::default()), Vec::new());
         let latent_limits = config.clip_latents.then_some(limits);
         Ok(Self {
             config,
@@ -200,10 +202,7 @@ impl FeedbackTrainee {
             hidden,
             output,
             pose_limits: self.pose_limits.clone(),
-            latent_limits: self
-                .latent_limits
-                .as_ref()
-                .map(|l| Limits { lower: raw(&l.lower), upper: raw(&l.upper) }),
+            latent_limits: self.latent_limits.as_ref().map(|l| Limits { lower: raw(&l.lower), upper: raw(&l.upper) }),
         }
     }
 
@@ -282,7 +281,13 @@ impl FeedbackTrainee {
                     false => input.extend_from_slice(code),
                 }
             }
+            let poses = input.len();
             self.push_poses(clip, t, &mut input);
+            if config.pose_noise > 0.0 {
+                let shared: Vec<f32> =
+                    (0..self.ground.poses.len()).map(|_| (config.pose_noise * noise.normal()) as f32).collect();
+                input[poses..].iter_mut().zip(shared.iter().cycle()).for_each(|(x, n)| *x += n);
+            }
             wanted.extend_from_slice(&clip.target[t * width..(t + 1) * width]);
         }
         (input, wanted)
@@ -350,16 +355,18 @@ impl Trainee for FeedbackTrainee {
 fn encode(encoder: &ThreeLayers, deltas: &[f32], stage: &Stage) -> Vec<f32> {
     let width = encoder.inputs();
     let chunks = deltas.chunks(CHUNK * width);
-    let codes = chunks.flat_map(|chunk| {
-        host(encoder.forward(tensor(chunk.to_vec(), [chunk.len() / width, width], &stage.device)))
-    });
+    let codes = chunks
+        .flat_map(|chunk| host(encoder.forward(tensor(chunk.to_vec(), [chunk.len() / width, width], &stage.device))));
     codes.collect()
 }
 
 /// Number of the first frame of each clip among all.
 fn starts(clips: &[Prepared]) -> Vec<usize> {
-    let mut next = 0;
-    clips.iter().map(|clip| std::mem::replace(&mut next, next + clip.frames)).collect()
+    let ends = clips.iter().scan(0, |end, clip| {
+        *end += clip.frames;
+        Some(*end)
+    });
+    std::iter::once(0).chain(ends).take(clips.len()).collect()
 }
 
 fn check(config: &FeedbackTraining, ground: &FeedbackGround, clips: &Clips<Vec<FeedbackClip>>) -> Result<()> {

@@ -28,9 +28,7 @@ pub use adam::{Adam, AdamConfig, GradientMap, load_module, module_gradients, mod
 pub use adam_solver::AdamSolver;
 pub use bptt::GruTrace;
 pub use checkpoint::{Checkpoint, CheckpointFolder, read_state, write_state};
-pub use delta_autoencoder_step::{
-    AutoencoderStart, DeltaAutoencoderTrainee, DeltaAutoencoderTraining, DeltaMetric,
-};
+pub use delta_autoencoder_step::{AutoencoderStart, DeltaAutoencoderTrainee, DeltaAutoencoderTraining, DeltaMetric};
 pub use error::TrainError;
 pub use feedback_step::{FeedbackClip, FeedbackGround, FeedbackTrainee, FeedbackTraining};
 pub use fit_adam::{AdamFit, AdamPoseFit};

@@ -57,8 +57,5 @@ fn people_who_do_not_fit_are_not_written() {
     refused(|m| m.people.clear(), "0 people");
     refused(|m| m.people[1].latent_limits = None, "person heavy");
     refused(|m| m.people[0].beta[0] = f32::NAN, "person.0.beta");
-    refused(
-        |m| m.people.iter_mut().for_each(|p| p.output.weight = Matrix::zeros(0, p.hidden.outputs())),
-        "encoder.0",
-    );
+    refused(|m| m.people.iter_mut().for_each(|p| p.output.weight = Matrix::zeros(0, p.hidden.outputs())), "encoder.0");
 }

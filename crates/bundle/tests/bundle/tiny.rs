@@ -172,7 +172,7 @@ pub fn feedback_bundle(clipped: bool) -> Bundle {
     let mut person = |name: &str, beta: Vec<f32>| FeedbackPerson {
         name: name.into(),
         beta,
-        encoder: [draws.linear(width, 9, 20.0), draws.linear(9, 7, 1.0), draws.linear(7, l, 1.0)],
+        encoder: ThreeLayers([draws.linear(width, 9, 20.0), draws.linear(9, 7, 1.0), draws.linear(7, l, 1.0)]),
         hidden: draws.linear(2 * l + 2 * p, h, 1.0),
         output: draws.linear(h, width, 0.02),
         pose_limits: pose_limits.clone(),
