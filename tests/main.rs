@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod browser;
+mod casas_otaduy;
 mod command;
 mod comparison;
 mod controls;

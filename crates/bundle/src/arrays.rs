@@ -1,8 +1,9 @@
 use crate::descriptor::{FeatureScaling, PoseEncoder};
-use crate::manifest::{ModelForm, RecurrentForm};
+use crate::feedback::{FeedbackModel, FeedbackPerson, Limits as Range};
+use crate::manifest::{FeedbackForm, ModelForm, RecurrentForm};
 use crate::{
     BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model, Recurrent, RecurrentModel, Regressor,
-    ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace,
+    ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace, ThreeLayers,
 };
 use softtissue_geometry::Frames;
 use softtissue_store::{Limits, TensorFile, TensorFileWriter};
@@ -11,8 +12,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Far above any bundle, far below what hurts.
-const LIMITS: Limits = Limits { header_bytes: 1 << 20, file_bytes: 2 << 30, tensors: 1024 };
+/// Above any bundle (eight people of Casas and Otaduy at 6890 vertices: 2.2 GB), far below what hurts.
+const LIMITS: Limits = Limits { header_bytes: 1 << 20, file_bytes: 4 << 30, tensors: 1024 };
 
 /// Largest bank.
 const MOST_CHANNELS: usize = 1 << 12;
@@ -31,6 +32,7 @@ pub(crate) fn collect<'a>(model: &'a Model, check: &'a SelfCheck) -> std::result
     writer.file.meta("kind", "softtissue-bundle");
     match model {
         Model::Recurrent(model) => writer.recurrent(model),
+        Model::Feedback(model) => model.people.iter().enumerate().for_each(|(i, p)| writer.person(i, p)),
     }
     let (t, j, c) = (check.translations.len(), check.rotations.points_per_frame(), check.vertices.len());
     writer.vector("check.beta", &check.beta);
@@ -71,6 +73,23 @@ impl<'a> Writer<'a> {
             self.linear(&format!("pose_encoder.{i}"), layer);
         }
     }
+    fn person(&mut self, i: usize, person: &'a FeedbackPerson) {
+        let name = |part: &str| format!("person.{i}.{part}");
+        self.vector(&name("beta"), &person.beta);
+        for (layer, linear) in person.encoder.0.iter().enumerate() {
+            self.linear(&name(&format!("encoder.{layer}")), linear);
+        }
+        self.linear(&name("hidden"), &person.hidden);
+        self.linear(&name("output"), &person.output);
+        self.range(&name("poses"), &person.pose_limits);
+        if let Some(limits) = &person.latent_limits {
+            self.range(&name("latents"), limits);
+        }
+    }
+    fn range(&mut self, name: &str, range: &'a Range) {
+        self.vector(&format!("{name}.lower"), &range.lower);
+        self.vector(&format!("{name}.upper"), &range.upper);
+    }
     fn numbers(&mut self, name: &str, shape: &[usize], numbers: &'a [f32]) {
         if let Some(i) = numbers.iter().position(|x| !x.is_finite()) {
             self.problem = Some(format!("{name} holds {} at place {i}; train again", numbers[i]));
@@ -108,6 +127,7 @@ pub(crate) fn read(path: &Path, form: &ModelForm, fps: f32) -> Result<Arrays> {
     let reader = Reader { file: &file, read: RefCell::default() };
     let model = match form {
         ModelForm::Recurrent(form) => Model::Recurrent(reader.recurrent(form, fps)?),
+        ModelForm::Feedback(form) => Model::Feedback(reader.feedback(form)?),
     };
     let arrays = Arrays { model, self_check: reader.self_check()? };
     match file.names().find(|name| !reader.read.borrow().contains(*name)) {
@@ -141,6 +161,30 @@ impl Reader<'_> {
             regressor: self.regressor(form, fps)?,
             pose_encoder: encoder.transpose()?,
         })
+    }
+
+    fn feedback(&self, FeedbackForm { people, latent_limits }: &FeedbackForm) -> Result<FeedbackModel> {
+        let person = |(i, name): (usize, &String)| {
+            let part = |part: &str| format!("person.{i}.{part}");
+            Ok(FeedbackPerson {
+                name: name.clone(),
+                beta: self.vector(&part("beta"))?,
+                encoder: ThreeLayers([
+                    self.linear(&part("encoder.0"))?,
+                    self.linear(&part("encoder.1"))?,
+                    self.linear(&part("encoder.2"))?,
+                ]),
+                hidden: self.linear(&part("hidden"))?,
+                output: self.linear(&part("output"))?,
+                pose_limits: self.range(&part("poses"))?,
+                latent_limits: latent_limits.then(|| self.range(&part("latents"))).transpose()?,
+            })
+        };
+        Ok(FeedbackModel { people: people.iter().enumerate().map(person).collect::<Result<_>>()? })
+    }
+
+    fn range(&self, name: &str) -> Result<Range> {
+        Ok(Range { lower: self.vector(&format!("{name}.lower"))?, upper: self.vector(&format!("{name}.upper"))? })
     }
 
     fn subspace(&self, form: &RecurrentForm) -> Result<Subspace> {

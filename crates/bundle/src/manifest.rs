@@ -1,5 +1,5 @@
 use crate::descriptor::DescriptorConfig;
-use crate::{Bundle, BundleError, BundleInfo, Model, RecurrentModel, Resonator, Result};
+use crate::{Bundle, BundleError, BundleInfo, FeedbackModel, Model, RecurrentModel, Resonator, Result};
 use serde::{Deserialize, Serialize};
 use softtissue_store::{StoreError, read_limited};
 use std::path::Path;
@@ -40,6 +40,7 @@ pub(crate) struct Manifest {
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub(crate) enum ModelForm {
     Recurrent(RecurrentForm),
+    Feedback(FeedbackForm),
 }
 
 /// A recurrent model.
@@ -57,6 +58,16 @@ pub(crate) struct RecurrentForm {
     /// Layers of the pose encoder, where there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) pose_encoder_layers: Option<usize>,
+}
+
+/// A model that is fed back.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FeedbackForm {
+    /// Names, in the order of the arrays.
+    pub(crate) people: Vec<String>,
+    /// Whether the fed back latents are clipped.
+    pub(crate) latent_limits: bool,
 }
 
 /// A resonator bank.
@@ -97,6 +108,7 @@ impl ModelForm {
     fn of(model: &Model) -> Self {
         match model {
             Model::Recurrent(m) => Self::Recurrent(RecurrentForm::of(m)),
+            Model::Feedback(m) => Self::Feedback(FeedbackForm::of(m)),
         }
     }
 }
@@ -114,6 +126,15 @@ impl RecurrentForm {
             encoder_units: subspace.encoder.units.len(),
             decoder_units: subspace.decoder.units.len(),
             pose_encoder_layers: pose_encoder.as_ref().map(|e| e.layers.len()),
+        }
+    }
+}
+
+impl FeedbackForm {
+    fn of(FeedbackModel { people }: &FeedbackModel) -> Self {
+        Self {
+            people: people.iter().map(|p| p.name.clone()).collect(),
+            latent_limits: people.iter().any(|p| p.latent_limits.is_some()),
         }
     }
 }

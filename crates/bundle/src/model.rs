@@ -1,5 +1,5 @@
 use crate::descriptor::{DescriptorConfig, DescriptorParts, FeatureKind, PoseEncoder};
-use crate::{Linear, Regressor, RegressorState, Subspace, SubspaceScratch};
+use crate::{FeedbackModel, FeedbackState, Linear, Regressor, RegressorState, Subspace, SubspaceScratch};
 use std::sync::Arc;
 
 /// What turns a motion's features into deltas: a variant for each family of methods.
@@ -7,6 +7,8 @@ use std::sync::Arc;
 pub enum Model {
     /// SoftSMPL (2020) and ours: a regressor of latent numbers and their decoder.
     Recurrent(RecurrentModel),
+    /// Casas and Otaduy (2018): a regressor of the deltas, fed back through an encoder.
+    Feedback(FeedbackModel),
 }
 
 /// What a [`Model`] remembers of the motion of one body, and its working memory.
@@ -14,6 +16,8 @@ pub enum Model {
 pub enum ModelState {
     /// Of a [`RecurrentModel`].
     Recurrent(RecurrentState),
+    /// Of a [`FeedbackModel`].
+    Feedback(FeedbackState),
 }
 
 /// From features to latent to deltas.
@@ -45,18 +49,21 @@ impl Model {
     pub fn feature_count(&self) -> usize {
         match self {
             Self::Recurrent(m) => m.regressor.input.input_size,
+            Self::Feedback(m) => m.feature_count(),
         }
     }
     /// Vertices `V` that it moves.
     pub fn vertex_count(&self) -> usize {
         match self {
             Self::Recurrent(m) => m.subspace.vertex_count(),
+            Self::Feedback(m) => m.vertex_count(),
         }
     }
     /// Orthonormal delta modes `[K, V * 3]` that a descriptor may project forces on; `None` if the model has none.
     pub fn modes(&self) -> Option<&[f32]> {
         match self {
             Self::Recurrent(m) => Some(m.subspace.basis.directions.data()),
+            Self::Feedback(_) => None,
         }
     }
     /// What a descriptor needs of the model.
@@ -68,12 +75,14 @@ impl Model {
     pub fn recurrent(&self) -> Option<&RecurrentModel> {
         match self {
             Self::Recurrent(m) => Some(m),
+            Self::Feedback(_) => None,
         }
     }
     /// Index, least and greatest value in training of each shape coefficient that it looks at.
     pub fn shape_limits(&self) -> Vec<(u32, f32, f32)> {
         match self {
             Self::Recurrent(m) => m.regressor.shape.limits(),
+            Self::Feedback(m) => m.shape_limits(),
         }
     }
 
@@ -81,6 +90,7 @@ impl Model {
     pub fn start(&self, beta: &[f32]) -> ModelState {
         match self {
             Self::Recurrent(m) => ModelState::Recurrent(m.start(beta)),
+            Self::Feedback(m) => ModelState::Feedback(m.start(beta)),
         }
     }
     /// One frame: features `[D]` in, `deltas [V * 3]` (metres, rest frame) out. Returns how many features were clipped
@@ -88,6 +98,8 @@ impl Model {
     pub fn step(&self, features: &[f32], state: &mut ModelState, deltas: &mut [f32]) -> usize {
         match (self, state) {
             (Self::Recurrent(m), ModelState::Recurrent(state)) => m.step(features, state, deltas),
+            (Self::Feedback(m), ModelState::Feedback(state)) => m.step(features, state, deltas),
+            _ => panic!("the state belongs to another kind of model"),
         }
     }
 
@@ -95,6 +107,7 @@ impl Model {
     pub(crate) fn check(&self, descriptor: &DescriptorConfig) -> Result<(), String> {
         match self {
             Self::Recurrent(m) => m.check(descriptor),
+            Self::Feedback(m) => m.check(),
         }
     }
 }
@@ -104,18 +117,21 @@ impl ModelState {
     pub fn reset(&mut self) {
         match self {
             Self::Recurrent(s) => s.regressor.reset(),
+            Self::Feedback(s) => s.reset(),
         }
     }
     /// Whether what it remembers is finite.
     pub fn is_finite(&self) -> bool {
         match self {
             Self::Recurrent(s) => s.regressor.is_finite(),
+            Self::Feedback(s) => s.is_finite(),
         }
     }
     /// The few numbers behind the newest deltas.
     pub fn latent(&self) -> &[f32] {
         match self {
             Self::Recurrent(s) => s.regressor.latent(),
+            Self::Feedback(s) => s.latent(),
         }
     }
 }

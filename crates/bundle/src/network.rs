@@ -9,6 +9,10 @@ pub struct Linear {
     pub bias: Vec<f32>,
 }
 
+/// Linear, rectified, linear: half of the autoencoder of Casas and Otaduy (2018 sec. 3.3).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ThreeLayers(pub [Linear; 3]);
+
 /// A gated recurrent unit (Cho et al. 2014) with the reset gate applied after the recurrent product and gates in
 /// the order reset, update, new, as PyTorch and cuDNN lay them out:
 ///
@@ -52,6 +56,29 @@ impl Linear {
     pub fn apply(&self, x: &[f32], y: &mut [f32]) {
         self.weight.times(x, y);
         y.iter_mut().zip(&self.bias).for_each(|(y, b)| *y += b);
+    }
+}
+
+impl ThreeLayers {
+    /// Inputs.
+    pub fn inputs(&self) -> usize {
+        self.0[0].inputs()
+    }
+    /// Outputs.
+    pub fn outputs(&self) -> usize {
+        self.0[2].outputs()
+    }
+    /// Working memory that fits.
+    pub fn scratch(&self) -> [Vec<f32>; 2] {
+        [vec![0.0; self.0[0].outputs()], vec![0.0; self.0[1].outputs()]]
+    }
+    /// `x [inputs]` to `y [outputs]`; `scratch` is overwritten.
+    pub fn apply(&self, x: &[f32], [a, b]: &mut [Vec<f32>; 2], y: &mut [f32]) {
+        let [first, second, third] = &self.0;
+        first.apply(x, a);
+        second.apply(a, b);
+        b.iter_mut().for_each(|b| *b = b.max(0.0));
+        third.apply(b, y);
     }
 }
 

@@ -44,7 +44,7 @@ pub enum Verb {
 /// Settings shared by the verbs that read a configuration.
 #[derive(Debug, Args, Clone, Default)]
 pub struct Settings {
-    /// `quick`, `smoke`, `full`, `softsmpl-paper`, or a TOML file; default `quick`.
+    /// `quick`, `smoke`, `full`, `softsmpl-paper`, `casas-otaduy-paper`, or a TOML file; default `quick`.
     #[arg(long, value_name = "NAME|FILE")]
     pub config: Option<String>,
     /// Override one setting, e.g. `--set regressor.training.steps=500`; always wins; may be repeated.

@@ -11,7 +11,9 @@ use softtissue_fit::FitConfig;
 use softtissue_model::PcaConfig;
 use softtissue_model::linear::LadderConfig;
 use softtissue_synth::dataset::SynthConfig;
-use softtissue_train::{LoopConfig, RegressorTraining, SubspaceTraining};
+use softtissue_train::{
+    AutoencoderStart, DeltaAutoencoderTraining, FeedbackTraining, LoopConfig, RegressorTraining, SubspaceTraining,
+};
 
 /// The whole configuration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,7 +43,9 @@ pub struct Config {
     pub regressor: RegressorSection,
     /// What `method = "softsmpl"` learns.
     pub softsmpl: SoftsmplConfig,
-    /// The loop that drives all trainings.
+    /// The method of Casas and Otaduy.
+    pub casas_otaduy: CasasOtaduyConfig,
+    /// The loop that drives every training.
     pub train: LoopConfig,
     /// What is measured.
     pub eval: EvalConfig,
@@ -56,6 +60,8 @@ pub enum Method {
     Softtissue,
     /// SoftSMPL (Santesteban et al. 2020).
     Softsmpl,
+    /// Casas and Otaduy (2018).
+    CasasOtaduy,
 }
 
 impl Method {
@@ -64,6 +70,7 @@ impl Method {
         match self {
             Self::Softtissue => softtissue_eval::OURS,
             Self::Softsmpl => "softsmpl",
+            Self::CasasOtaduy => "casas-otaduy",
         }
     }
 }
@@ -109,6 +116,22 @@ pub struct RegressorSection {
     pub training: RegressorTraining,
 }
 
+/// Casas and Otaduy (2018): networks of each person's own, on the features `angles`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CasasOtaduyConfig {
+    /// Latent sizes of the autoencoders. Default 50, 100, as in the paper's fig. 5.
+    pub sizes: Vec<usize>,
+    /// Latent size that is fed back; one of `sizes`. Default 100, as published.
+    pub latents: usize,
+    /// Whether mirrored clips are added. Default true; the paper has none.
+    pub mirror: bool,
+    /// The autoencoders.
+    pub autoencoder: DeltaAutoencoderTraining,
+    /// The regressor.
+    pub regressor: FeedbackTraining,
+}
+
 /// What is measured beside the held-out clips.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -142,6 +165,7 @@ impl Default for Config {
             ladder: LadderConfig::default(),
             regressor: RegressorSection::default(),
             softsmpl: SoftsmplConfig::default(),
+            casas_otaduy: CasasOtaduyConfig::default(),
             train: LoopConfig::default(),
             eval: EvalConfig::default(),
         }
@@ -171,6 +195,18 @@ impl Default for RegressorSection {
     }
 }
 
+impl Default for CasasOtaduyConfig {
+    fn default() -> Self {
+        Self {
+            sizes: vec![50, 100],
+            latents: 100,
+            mirror: true,
+            autoencoder: DeltaAutoencoderTraining::default(),
+            regressor: FeedbackTraining::default(),
+        }
+    }
+}
+
 impl Default for EvalConfig {
     fn default() -> Self {
         Self { bounded_seconds: 600.0, decay_subjects: 2, playback_clips: 2, compare_objectives: true, oracle: true }
@@ -187,6 +223,7 @@ impl Config {
         self.check_descriptor()?;
         self.check_learning()?;
         self.softsmpl.check()?;
+        self.check_casas_otaduy()?;
         let most = 3600.0;
         within("eval.bounded_seconds", f64::from(self.eval.bounded_seconds), 0.0..=most)
     }
@@ -202,6 +239,46 @@ impl Config {
         within("descriptor.cutoff_hz", f64::from(d.cutoff_hz), 0.0..=1e4)?;
         within("descriptor.look_ahead", d.look_ahead as f64, 0.0..=1000.0)?;
         at_least_one("descriptor.modes", d.modes)
+    }
+
+    fn check_casas_otaduy(&self) -> Result<(), String> {
+        let CasasOtaduyConfig { sizes, latents, autoencoder: ae, regressor, .. } = &self.casas_otaduy;
+        for (key, count) in [
+            ("autoencoder.batch", ae.batch),
+            ("autoencoder.widths", ae.widths[0].min(ae.widths[1])),
+            ("regressor.batch", regressor.batch),
+            ("regressor.pose_history", regressor.pose_history),
+            ("regressor.rollout_every", regressor.rollout_every as usize),
+        ] {
+            at_least_one(&format!("casas_otaduy.{key}"), count)?;
+        }
+        within("casas_otaduy.regressor.pose_history", regressor.pose_history as f64, 1.0..=16.0)?;
+        within("casas_otaduy.regressor.width", regressor.width as f64, 0.0..=65536.0)?;
+        for (key, rate) in [("autoencoder", ae.learning_rate), ("regressor", regressor.learning_rate)] {
+            if !(rate.is_finite() && rate > 0.0 && rate <= 1.0) {
+                return Err(format!(
+                    "casas_otaduy.{key}.learning_rate is {rate}; write a number above 0 and at most 1"
+                ));
+            }
+        }
+        within("casas_otaduy.regressor.latent_noise", regressor.latent_noise, 0.0..=100.0)?;
+        within("casas_otaduy.regressor.pose_noise", regressor.pose_noise, 0.0..=100.0)?;
+        within("casas_otaduy.regressor.own_latents", regressor.own_latents, 0.0..=1.0)?;
+        let largest = sizes.iter().copied().max().unwrap_or(0);
+        if sizes.contains(&0) || !sizes.contains(latents) {
+            return Err(format!(
+                "casas_otaduy.latents is {latents}, which is none of casas_otaduy.sizes {sizes:?}, or one of these is 0; \
+                 add it there or choose one of them"
+            ));
+        }
+        if ae.start == AutoencoderStart::Principal && ae.widths[0].min(ae.widths[1]) < 2 * largest {
+            return Err(format!(
+                "casas_otaduy.autoencoder.widths are {:?}; a start as {largest} principal components needs twice as many \
+                 or more; write wider ones or start = \"random\"",
+                ae.widths
+            ));
+        }
+        Ok(())
     }
 
     fn check_learning(&self) -> Result<(), String> {

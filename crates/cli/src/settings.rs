@@ -8,11 +8,12 @@ use std::path::Path;
 use toml::{Table, Value};
 
 /// The configurations that travel inside the program, by name. A file states only what differs from the default.
-pub const EMBEDDED: [(&str, &str); 4] = [
+pub const EMBEDDED: [(&str, &str); 5] = [
     ("quick", include_str!("../../../configs/quick.toml")),
     ("smoke", include_str!("../../../configs/smoke.toml")),
     ("full", include_str!("../../../configs/full.toml")),
     ("softsmpl-paper", include_str!("../../../configs/softsmpl-paper.toml")),
+    ("casas-otaduy-paper", include_str!("../../../configs/casas-otaduy-paper.toml")),
 ];
 
 /// A configuration file may be this long.
@@ -77,7 +78,10 @@ pub fn stored(path: &Path) -> Result<Config> {
 
 fn read_file(path: &Path) -> Result<(String, String)> {
     let bytes = softtissue_store::read_limited(path, LARGEST_FILE).with_context(|| {
-        format!("--config takes quick, smoke, full, softsmpl-paper or a file, not {}", path.display())
+        format!(
+            "--config takes quick, smoke, full, softsmpl-paper, casas-otaduy-paper or a file, not {}",
+            path.display()
+        )
     })?;
     let text = String::from_utf8(bytes).map_err(|_| usage(format!("{} is no UTF-8 text", path.display())))?;
     let name = path.file_stem().map_or_else(|| "run".into(), |s| s.to_string_lossy().into_owned());

@@ -20,7 +20,7 @@ use std::time::Instant;
 struct Lossy(f32);
 
 impl Codec for Lossy {
-    fn reconstruct(&self, deltas: &Frames) -> Result<Frames, MethodError> {
+    fn reconstruct(&self, _: &str, deltas: &Frames) -> Result<Frames, MethodError> {
         let mut out = deltas.clone();
         out.points_mut().iter_mut().for_each(|p| *p *= 1.0 - self.0);
         Ok(out)

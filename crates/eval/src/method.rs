@@ -49,6 +49,7 @@ impl Method for BodyAlone {
 
 /// Something that reconstructs deltas from a few numbers a frame: PCA or an autoencoder at one latent size.
 pub trait Codec: Sync {
-    /// Encodes and decodes every frame of `[T, V, 3]` deltas in metres.
-    fn reconstruct(&self, deltas: &Frames) -> Result<Frames, MethodError>;
+    /// Encodes and decodes every frame of `[T, V, 3]` deltas in metres. `subject` names the person for codecs that were
+    /// learned from one.
+    fn reconstruct(&self, subject: &str, deltas: &Frames) -> Result<Frames, MethodError>;
 }

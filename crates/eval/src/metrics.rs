@@ -32,6 +32,9 @@ pub struct Metrics {
     /// By latent size.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub subspace: BTreeMap<u32, SubspaceMetrics>,
+    /// The same a person, where each has a subspace of their own (Casas-Otaduy 2018 fig. 5).
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub subspace_by_subject: BTreeMap<String, BTreeMap<u32, SubspaceMetrics>>,
     /// The fit that everything else stands on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fit: Option<FitMetrics>,

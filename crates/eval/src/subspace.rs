@@ -87,7 +87,7 @@ impl CodecErrors {
 }
 
 fn errors(codec: &dyn Codec, name: &str, id: &ClipId, scan: &Frames, reference: &Frames) -> Result<CodecErrors> {
-    let rebuilt = codec.reconstruct(scan).map_err(|source| EvalError::Method {
+    let rebuilt = codec.reconstruct(&id.subject, scan).map_err(|source| EvalError::Method {
         method: name.to_owned(),
         clip: id.clone(),
         source,

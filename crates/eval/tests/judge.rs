@@ -206,7 +206,7 @@ fn speed_follows_the_shape() {
 struct Shrink(f32);
 
 impl Codec for Shrink {
-    fn reconstruct(&self, deltas: &Frames) -> Result<Frames, MethodError> {
+    fn reconstruct(&self, _: &str, deltas: &Frames) -> Result<Frames, MethodError> {
         let mut out = deltas.clone();
         out.points_mut().iter_mut().for_each(|p| *p *= self.0);
         Ok(out)

@@ -18,8 +18,8 @@ pub enum TrainError {
     /// The loss left the finite numbers.
     #[error(
         "{stage} diverged at step {step} (loss {loss}) after the good state of step {rolled_back_to}; train again with a \
-         lower {}.training.learning_rate into another --out",
-        section(stage)
+         lower {} into another --out",
+        rate_key(stage)
     )]
     Diverged {
         /// Which stage.
@@ -55,10 +55,15 @@ pub enum TrainError {
     Numeric(String),
 }
 
-/// The section of the settings that a stage is of: `subspace` for `fold/subspace-25`.
-fn section(stage: &str) -> &str {
+/// The setting that holds a stage's learning rate: `subspace.training.learning_rate` for `fold/subspace-25`,
+/// `casas_otaduy.regressor.learning_rate` for `casas-otaduy/s00/regressor`.
+fn rate_key(stage: &str) -> String {
     let name = stage.rsplit('/').next().unwrap_or(stage);
-    name.split('-').next().unwrap_or(name)
+    let part = name.split('-').next().unwrap_or(name);
+    match stage.split('/').any(|folder| folder == "casas-otaduy") {
+        true => format!("casas_otaduy.{part}.learning_rate"),
+        false => format!("{part}.training.learning_rate"),
+    }
 }
 
 #[cfg(test)]
@@ -70,6 +75,8 @@ mod tests {
         let diverged =
             |stage: &str| TrainError::Diverged { stage: stage.into(), step: 3, loss: f64::NAN, rolled_back_to: 0 };
         assert!(diverged("a.b/subspace-25").to_string().contains("lower subspace.training.learning_rate"));
+        let personal = diverged("fold/casas-otaduy/s00/autoencoder-50").to_string();
+        assert!(personal.contains("lower casas_otaduy.autoencoder.learning_rate"), "{personal}");
         assert!(diverged("regressor").to_string().contains("lower regressor.training.learning_rate"));
     }
 }

@@ -13,6 +13,8 @@ pub enum FeatureKind {
     DisentangledPose,
     /// What the flesh feels in its rest frame, projected on the first modes of the deltas.
     ModalForces,
+    /// Casas and Otaduy 2018: axis angles of all joints and the root's velocity, 75 numbers for 24 joints.
+    Angles,
 }
 
 /// How a motion is described. The same value goes into the bundle.
@@ -28,6 +30,9 @@ pub struct DescriptorConfig {
     pub pose_entries: bool,
     /// Whether `pose` and `disentangled-pose` also hold the root's angular velocity in the root's frame. Default true.
     pub root_angular_velocity: bool,
+    /// Whether `angles` holds the root's position (as published, if taken by the letter) in the place of its velocity:
+    /// whoever stands elsewhere then moves otherwise. Default false.
+    pub root_position: bool,
     /// Where the low-pass on velocities, which stands before second differences, falls to half power, Hz.
     /// Default 12; lower suppresses jitter of the poses and adds lag. Zero turns it off.
     pub cutoff_hz: f32,
@@ -44,6 +49,7 @@ impl Default for DescriptorConfig {
             modes: 40,
             pose_entries: true,
             root_angular_velocity: true,
+            root_position: false,
             cutoff_hz: 12.0,
             fps: 60.0,
             look_ahead: 0,

@@ -4,6 +4,7 @@
 //! [`Descriptor::step`], so a feature cannot differ between them. A feature at frame `t` uses poses up to `t`
 //! only; [`DescriptorConfig::look_ahead`] shifts whole frames and is zero by default.
 
+mod angles;
 mod config;
 mod disentangled;
 mod encoder;

@@ -1,3 +1,4 @@
+use super::angles::{AngleFeatures, AngleState};
 use super::disentangled::{DisentangledFeatures, DisentangledState};
 use super::forces::{ForceFeatures, ForceState};
 use super::pose::{PoseFeatures, PoseState};
@@ -61,6 +62,7 @@ enum Kind {
     Pose(PoseFeatures),
     Disentangled(DisentangledFeatures),
     Forces(ForceFeatures),
+    Angles(AngleFeatures),
 }
 
 /// What a descriptor remembers of the frames before, and its scratch.
@@ -72,6 +74,7 @@ enum State {
     Pose(PoseState),
     Disentangled(DisentangledState),
     Forces(ForceState),
+    Angles(AngleState),
 }
 
 impl Descriptor {
@@ -98,12 +101,14 @@ impl Descriptor {
                 encoder.check(joints).map_err(fail)?;
                 Kind::Disentangled(DisentangledFeatures::new(Arc::clone(encoder), root, low_pass, fps))
             }
+            FeatureKind::Angles => Kind::Angles(AngleFeatures::new(joints, config.root_position, low_pass, fps)),
             FeatureKind::ModalForces => Kind::Forces(forces(config, body, parts.modes, low_pass)?),
         };
         let blocks = match &kind {
             Kind::Pose(k) => k.blocks(),
             Kind::Disentangled(k) => k.blocks(),
             Kind::Forces(k) => k.blocks(),
+            Kind::Angles(k) => k.blocks(),
         };
         let (vertex_count, joint_count) = (body.vertex_count(), joints);
         Ok(Self { config: config.clone(), kind, blocks, low_pass, vertex_count, joint_count })
@@ -137,6 +142,7 @@ impl Descriptor {
             Kind::Pose(k) => State::Pose(k.state()),
             Kind::Disentangled(k) => State::Disentangled(k.state()),
             Kind::Forces(k) => State::Forces(k.state()),
+            Kind::Angles(k) => State::Angles(k.state()),
         })
     }
 
@@ -156,6 +162,7 @@ impl Descriptor {
         match (&self.kind, &mut state.0) {
             (Kind::Pose(k), State::Pose(state)) => k.step(state, pose, out),
             (Kind::Disentangled(k), State::Disentangled(state)) => k.step(state, pose, out),
+            (Kind::Angles(k), State::Angles(state)) => k.step(state, pose, out),
             (Kind::Forces(k), State::Forces(state)) => {
                 assert_eq!(transforms.len(), self.vertex_count, "transforms of a frame");
                 assert_eq!(skinned.len(), self.vertex_count, "skinned vertices of a frame");

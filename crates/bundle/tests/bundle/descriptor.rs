@@ -163,8 +163,36 @@ fn a_disentangled_pose_comes_with_its_velocity_and_acceleration() {
 }
 
 #[test]
+fn angles_are_those_of_all_joints_and_the_root_s_velocity_is_its_own() {
+    let body = rigid_body();
+    let velocity = Vec3::new(1.0, -2.0, 0.5);
+    for (root_position, turn) in [(false, Vec3::new(0.3, 0.9, -0.2)), (true, Vec3::ZERO)] {
+        let config = DescriptorConfig { root_position, ..config(FeatureKind::Angles) };
+        let descriptor = Descriptor::new(&config, &body, None).unwrap();
+        assert_eq!(descriptor.len(), 3 * 3 + 3, "three numbers a joint and three of the root");
+        let (mut rotations, mut translations) = (Frames::new(3), vec![]);
+        for t in 0..30 {
+            // Past half a turn, where the shortest axis angle flips.
+            let angle = 2.0 + 2.0 * t as f32 / 29.0;
+            let short = if angle > std::f32::consts::PI { angle - std::f32::consts::TAU } else { angle };
+            rotations.push(&[turn, Vec3::new(0.0, 0.0, short), Vec3::X * 0.4]);
+            translations.push(velocity * (t as f32 / FPS));
+        }
+        let features = descriptor.run(&body, &body.shaped(&[]), &rotations, &translations);
+        let at = |t: usize, joint: usize| Vec3::from_slice(&features[t * 12 + 3 * joint..]);
+        assert_near(at(29, 0), turn, 1e-6);
+        assert_near(at(29, 1), Vec3::new(0.0, 0.0, 4.0), 1e-4);
+        assert_near(at(29, 2), Vec3::X * 0.4, 1e-6);
+        assert_near(at(0, 3), Vec3::ZERO, 1e-6);
+        let root_from_world = rotation_from_axis_angle(turn).transpose();
+        let wanted = if root_position { translations[29] } else { root_from_world * velocity };
+        assert_near(at(29, 3), wanted, 1e-4);
+    }
+}
+
+#[test]
 fn features_do_not_know_the_future_and_look_ahead_is_a_shift() {
-    for features in [FeatureKind::Pose, FeatureKind::DisentangledPose, FeatureKind::ModalForces] {
+    for features in [FeatureKind::Pose, FeatureKind::DisentangledPose, FeatureKind::ModalForces, FeatureKind::Angles] {
         let body = tiny::body();
         let modes: Vec<f32> = (0..9 * body.vertex_count()).map(|i| (i as f32 * 0.7).sin()).collect();
         let config = DescriptorConfig { features, modes: 3, ..Default::default() };

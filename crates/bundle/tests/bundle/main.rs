@@ -7,6 +7,7 @@
 
 mod controls;
 mod descriptor;
+mod feedback;
 mod format;
 mod player;
 mod reference;

@@ -168,10 +168,42 @@ pub fn bundle(parts: Parts) -> Bundle {
     bundle
 }
 
+/// A bundle of two people, one light, one heavy, with random networks: 5 latents, two poses.
+pub fn feedback_bundle(clipped: bool) -> Bundle {
+    let body = body();
+    let (width, l, h) = (3 * body.vertex_count(), 5, 11);
+    let config = DescriptorConfig { features: FeatureKind::Angles, ..Default::default() };
+    let descriptor = Descriptor::new(&config, &body, None).unwrap();
+    let (rotations, translations) = motion(90);
+    let features = descriptor.run(&body, &body.shaped(&[0.3]), &rotations, &translations);
+    let p = descriptor.len();
+    let mut pose_limits = Limits::nothing(p);
+    features.chunks_exact(p).for_each(|frame| pose_limits.widen(frame));
+    let mut draws = Numbers(Draws::new(12, "tiny feedback", 0, 0));
+    let mut person = |name: &str, beta: Vec<f32>| FeedbackPerson {
+        name: name.into(),
+        beta,
+        encoder: ThreeLayers([draws.linear(width, 9, 20.0), draws.linear(9, 7, 1.0), draws.linear(7, l, 1.0)]),
+        hidden: draws.linear(2 * l + 2 * p, h, 1.0),
+        output: draws.linear(h, width, 0.02),
+        pose_limits: pose_limits.clone(),
+        latent_limits: clipped.then(|| Limits { lower: vec![-0.4; l], upper: vec![0.4; l] }),
+    };
+    let people = vec![person("light", vec![0.0, 1.5]), person("heavy", vec![0.0, -1.5])];
+    let info = BundleInfo { method: "casas-otaduy".into(), largest_delta_m: 0.1, ..Default::default() };
+    let model = Model::Feedback(FeedbackModel { people });
+    let mut bundle = Bundle { info, body, descriptor: config, model, self_check: SelfCheck::default() };
+    bundle.self_check =
+        SelfCheck::record(&bundle, &[0.5, -0.5], &rotations.slice(0..12), &translations[..12], 8).unwrap();
+    bundle
+}
+
 /// The recurrent model of a bundle, to break it.
 pub fn recurrent_of(bundle: &mut Bundle) -> &mut RecurrentModel {
-    let Model::Recurrent(model) = &mut bundle.model;
-    model
+    match &mut bundle.model {
+        Model::Recurrent(model) => model,
+        other => panic!("{other:?}"),
+    }
 }
 
 /// Bends, turns and hops.

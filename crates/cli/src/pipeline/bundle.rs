@@ -1,12 +1,13 @@
 //! Predictors as evaluation knows them.
 
 use softtissue_body::BodyModel;
-use softtissue_bundle::{Bundle, Player, Subspace};
+use softtissue_bundle::{Bundle, Player, Subspace, ThreeLayers};
 use softtissue_clips::MotionClip;
 use softtissue_eval::{Codec, CodecPair, Method, MethodError};
 use softtissue_geometry::Frames;
 use softtissue_model::Predictor;
 use softtissue_model::linear::Ladder;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A bundle, run by the same player that ships.
@@ -63,11 +64,13 @@ pub struct LearnedCodec {
     /// Latent numbers.
     pub latents: u32,
     /// Principal components.
-    pub pca: SubspaceCodec,
+    pub pca: Box<dyn Codec>,
     /// The learned one.
-    pub autoencoder: SubspaceCodec,
+    pub autoencoder: Box<dyn Codec>,
     /// Whether validation kept more than principal components.
     pub residual_kept: bool,
+    /// Whose deltas it knows, where everyone has one of their own.
+    pub subjects: Option<Vec<String>>,
 }
 
 impl LearnedCodec {
@@ -75,8 +78,8 @@ impl LearnedCodec {
     pub fn pair(&self) -> CodecPair<'_> {
         CodecPair {
             latent: self.latents,
-            pca: &self.pca,
-            autoencoder: Some(&self.autoencoder),
+            pca: &*self.pca,
+            autoencoder: Some(&*self.autoencoder),
             residual_kept: Some(self.residual_kept),
         }
     }
@@ -86,7 +89,7 @@ impl LearnedCodec {
 pub struct SubspaceCodec(pub Subspace);
 
 impl Codec for SubspaceCodec {
-    fn reconstruct(&self, deltas: &Frames) -> Result<Frames, MethodError> {
+    fn reconstruct(&self, _: &str, deltas: &Frames) -> Result<Frames, MethodError> {
         let subspace = &self.0;
         let mut scratch = subspace.scratch();
         let mut latent = vec![0.0; subspace.latent_count()];
@@ -99,5 +102,38 @@ impl Codec for SubspaceCodec {
             out.extend(decoded);
         }
         Ok(Frames::from_numbers(deltas.points_per_frame(), &out))
+    }
+}
+
+/// Encodes and decodes with an autoencoder of Casas and Otaduy.
+pub struct ThreeLayerCodec {
+    /// Deltas in metres to latents.
+    pub encoder: ThreeLayers,
+    /// Latents to deltas in metres.
+    pub decoder: ThreeLayers,
+}
+
+impl Codec for ThreeLayerCodec {
+    fn reconstruct(&self, _: &str, deltas: &Frames) -> Result<Frames, MethodError> {
+        let Self { encoder, decoder } = self;
+        let (mut into, mut out_of) = (encoder.scratch(), decoder.scratch());
+        let mut latent = vec![0.0; encoder.outputs()];
+        let mut numbers = deltas.to_numbers();
+        for frame in numbers.chunks_exact_mut(encoder.inputs()) {
+            encoder.apply(frame, &mut into, &mut latent);
+            decoder.apply(&latent, &mut out_of, frame);
+        }
+        Ok(Frames::from_numbers(deltas.points_per_frame(), &numbers))
+    }
+}
+
+/// A codec for each person, by name.
+#[derive(Default)]
+pub struct PersonalCodec(pub BTreeMap<String, Box<dyn Codec>>);
+
+impl Codec for PersonalCodec {
+    fn reconstruct(&self, subject: &str, deltas: &Frames) -> Result<Frames, MethodError> {
+        let own = self.0.get(subject).ok_or_else(|| format!("{subject} has no subspace of their own"))?;
+        own.reconstruct(subject, deltas)
     }
 }

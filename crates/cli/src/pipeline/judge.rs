@@ -17,7 +17,7 @@ use softtissue_eval::{
     CodecPair, DecayTrace, LongRollout, Method, Metrics, Scene, Tally, acceptance, judge, judge_bounded, judge_fit,
     judge_shapes, judge_stops, judge_subspace, training_peaks, without_gru,
 };
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// What was found.
@@ -51,7 +51,7 @@ pub fn judge_run(context: &Context, job: &Prepared, learned: &Learned, others: &
     let mut metrics = tally.metrics("held-out", context.config.seed);
     metrics.validation_soft_ratio =
         context.timed("judge: validation clips", || on_validation(&scene, split, &ours, learned, context))?;
-    metrics.subspace = context.timed("judge: subspaces", || judge_codecs(&scene, learned, clips, context))?;
+    context.timed("judge: subspaces", || judge_codecs(&mut metrics, &scene, learned, clips, context))?;
     let components = || count_components(context, body, &learned.pca, truth.as_ref(), split);
     metrics.components_95 = Some(context.timed("judge: components", components)?);
     metrics.fit = context.timed("judge: fit", || Ok(judge_fit(&scene, &all(split), context.monitor)?))?;
@@ -127,14 +127,28 @@ fn all(split: &Split) -> Vec<ClipId> {
     split.train.iter().chain(&split.validation).chain(&split.test).cloned().collect()
 }
 
+/// The subspaces on the clips of those whom they know; where everyone has their own, person by person too.
 fn judge_codecs(
+    metrics: &mut Metrics,
     scene: &Scene,
     learned: &Learned,
     clips: &[ClipId],
     context: &Context,
-) -> Result<BTreeMap<u32, softtissue_eval::SubspaceMetrics>> {
+) -> Result<()> {
+    let known = learned.codecs.iter().filter_map(|c| c.subjects.as_ref()).flatten();
+    let known: BTreeSet<&str> = known.map(String::as_str).collect();
+    let clips: Vec<ClipId> =
+        clips.iter().filter(|id| known.is_empty() || known.contains(id.subject.as_str())).cloned().collect();
     let pairs: Vec<CodecPair> = learned.codecs.iter().map(LearnedCodec::pair).collect();
-    Ok(judge_subspace(scene, &pairs, clips, context.monitor)?)
+    metrics.subspace = judge_subspace(scene, &pairs, &clips, context.monitor)?;
+    for subject in known {
+        let own: Vec<ClipId> = clips.iter().filter(|id| id.subject == subject).cloned().collect();
+        if !own.is_empty() {
+            let table = judge_subspace(scene, &pairs, &own, context.monitor)?;
+            metrics.subspace_by_subject.insert(subject.to_owned(), table);
+        }
+    }
+    Ok(())
 }
 
 fn bounded(

@@ -4,6 +4,7 @@
 mod basis;
 mod body;
 mod bundle;
+mod casas_otaduy;
 mod context;
 mod job;
 mod judge;

@@ -94,14 +94,15 @@ fn facts(context: &Context, material: &Material, regressor: &LearnedRegressor) -
 pub fn codec(learned: &LearnedSubspace, basis: &DeltaBasis) -> LearnedCodec {
     LearnedCodec {
         latents: learned.latents as u32,
-        pca: SubspaceCodec(linear(basis, learned.latents)),
-        autoencoder: SubspaceCodec(learned.to_plain(basis)),
+        pca: Box::new(SubspaceCodec(linear(basis, learned.latents))),
+        autoencoder: Box::new(SubspaceCodec(learned.to_plain(basis))),
         residual_kept: learned.best_step > 0,
+        subjects: None,
     }
 }
 
 /// Principal components alone, as a subspace without residual units.
-fn linear(basis: &DeltaBasis, latents: usize) -> Subspace {
+pub fn linear(basis: &DeltaBasis, latents: usize) -> Subspace {
     let identity = || {
         let mut m = Matrix::zeros(latents, latents);
         (0..latents).for_each(|i| m.row_mut(i)[i] = 1.0);

@@ -1,7 +1,7 @@
 //! `train`: the whole job.
 
 use crate::args::TrainArgs;
-use crate::config::Config;
+use crate::config::{Config, Method};
 use crate::exit::UsageError;
 use crate::pipeline::{
     BundleMethod, Context, Judgement, Learned, Prepared, heaviest, judge_run, learn, needs_test_clips, open, prepare,
@@ -179,14 +179,17 @@ fn plan(config: &Config, provenance: &Provenance, out: &Path) -> Result<()> {
         )),
     }
     crate::print_line(&format!("  fit: {:?}, {:?}", config.fit.solver, config.fit.objective));
-    crate::print_line(&format!(
-        "  subspaces: {:?}, {} steps each",
-        config.subspace.sizes, config.subspace.training.steps
-    ));
-    crate::print_line(&format!(
-        "  regressor: {} steps on {} latent numbers",
-        config.regressor.training.steps, config.regressor.latents
-    ));
+    crate::print_line(&format!("  method: {}", config.method_name()));
+    let own = &config.casas_otaduy;
+    let (sizes, subspace_steps, latents, steps) = match config.method {
+        Method::CasasOtaduy => (&own.sizes, own.autoencoder.steps, own.latents, own.regressor.steps),
+        Method::Softtissue | Method::Softsmpl => {
+            let (subspace, regressor) = (&config.subspace, &config.regressor);
+            (&subspace.sizes, subspace.training.steps, regressor.latents, regressor.training.steps)
+        }
+    };
+    crate::print_line(&format!("  subspaces: {sizes:?}, {subspace_steps} steps each"));
+    crate::print_line(&format!("  regressor: {steps} steps on {latents} latent numbers"));
     if out.join("config.toml").exists() {
         return Err(UsageError(format!("{} holds a run already: pass --resume or another --out", out.display())).into());
     }

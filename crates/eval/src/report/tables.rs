@@ -267,7 +267,12 @@ pub fn subspace(metrics: &Metrics) -> String {
     let change = |a: Option<f64>, b: Option<f64>| {
         a.zip(b).map_or_else(|| "–".into(), |(a, b)| format!("{:+.1} %", (a / b - 1.0) * 100.0))
     };
-    for (latent, m) in &metrics.subspace {
+    let by_subject = metrics
+        .subspace_by_subject
+        .iter()
+        .flat_map(|(name, table)| table.iter().map(move |(latent, m)| (format!("{latent}, {}", escape(name)), m)));
+    let rows = metrics.subspace.iter().map(|(latent, m)| (latent.to_string(), m)).chain(by_subject);
+    for (latent, m) in rows {
         let kept =
             if m.residual_kept == Some(false) { " <span class=\"chip missed\">validation kept PCA</span>" } else { "" };
         let _ = write!(out, "<tr><th scope=\"row\">{latent}{kept}</th>");

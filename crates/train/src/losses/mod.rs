@@ -4,10 +4,12 @@
 mod normals;
 mod surface;
 mod trajectory;
+mod weighted;
 
 pub use normals::{NormalLoss, face_normal_loss};
 pub use surface::surface_loss;
 pub use trajectory::{TrajectoryLoss, TrajectoryTerms, TrajectoryWeights};
+pub use weighted::WeightedDistance;
 
 use burn::tensor::{Tensor, TensorData};
 

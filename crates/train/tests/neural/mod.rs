@@ -3,6 +3,7 @@
 mod adam;
 mod autoencoder;
 mod backends;
+mod casas_otaduy;
 #[path = "../../../fit/tests/fit/figure.rs"]
 #[allow(dead_code, reason = "the pose fit's own tests use the rest of it")]
 mod figure;
