@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 /// What turns a motion's features into deltas: a variant for each family of methods.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "there is one in a bundle, and its size is that of its arrays")]
 pub enum Model {
     /// SoftSMPL (2020) and ours: a regressor of latent numbers and their decoder.
     Recurrent(RecurrentModel),
