@@ -6,6 +6,7 @@
 
 mod advance;
 mod arrays;
+mod autoregressive;
 mod bundle;
 mod controls;
 pub mod descriptor;
@@ -22,6 +23,7 @@ mod resonators;
 mod retarget;
 mod subspace;
 
+pub use autoregressive::{Ar2, Autoregressive, AutoregressiveState, PersonDynamics};
 pub use bundle::{Bundle, BundleInfo, SelfCheck};
 pub use controls::{Control, Controls};
 pub use error::BundleError;
