@@ -5,6 +5,7 @@ mod browser;
 mod command;
 mod comparison;
 mod controls;
+mod dyna;
 mod main_job;
 mod resume;
 mod support;

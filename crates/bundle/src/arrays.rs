@@ -1,9 +1,10 @@
 use crate::descriptor::FeatureScaling;
-use crate::manifest::{ModelForm, RecurrentForm};
+use crate::manifest::{AutoregressiveForm, ModelForm, PersonForm, RecurrentForm};
 use crate::{
-    BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model, Recurrent, RecurrentModel, Regressor,
-    ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace,
+    Ar2, AutoregressiveModel, BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model, PersonDynamics,
+    Recurrent, RecurrentModel, Regressor, ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace,
 };
+use softtissue_body::BodyBuild;
 use softtissue_geometry::Frames;
 use softtissue_store::{Limits, TensorFile, TensorFileWriter};
 use std::cell::RefCell;
@@ -30,6 +31,7 @@ pub(crate) fn collect<'a>(model: &'a Model, check: &'a SelfCheck) -> std::result
     writer.file.meta("kind", "softtissue-bundle");
     match model {
         Model::Recurrent(model) => writer.recurrent(model),
+        Model::Autoregressive(model) => writer.autoregressive(model),
     }
     let (t, j, c) = (check.translations.len(), check.rotations.points_per_frame(), check.vertices.len());
     writer.vector("check.beta", &check.beta);
@@ -47,11 +49,7 @@ struct Writer<'a> {
 
 impl<'a> Writer<'a> {
     fn recurrent(&mut self, RecurrentModel { regressor, subspace }: &'a RecurrentModel) {
-        let DeltaBasis { mean, directions, coefficient_mean } = &subspace.basis;
-        let v = mean.len() / 3;
-        self.numbers("basis.mean", &[v, 3], mean);
-        self.numbers("basis.directions", &[directions.rows(), v, 3], directions.data());
-        self.vector("basis.coefficient_mean", coefficient_mean);
+        self.basis(&subspace.basis);
         self.units("encoder", &subspace.encoder.units);
         self.linear("encoder.project", &subspace.encoder.project);
         self.linear("decoder.lift", &subspace.decoder.lift);
@@ -66,6 +64,24 @@ impl<'a> Writer<'a> {
             self.vector("regressor.gru.b_hh", &gru.b_hh);
             self.linear("regressor.readout", readout);
         }
+    }
+    fn autoregressive(&mut self, model: &'a AutoregressiveModel) {
+        self.basis(&model.basis);
+        self.scaling("autoregression.input", &model.input);
+        self.vector("build.rooted_weight", &model.build.rooted_weight);
+        self.vector("build.height", &model.build.height);
+        for (i, PersonDynamics { dynamics, .. }) in model.people.iter().enumerate() {
+            self.matrix(&format!("person.{i}.lags"), &dynamics.lags);
+            self.matrix(&format!("person.{i}.weight"), &dynamics.weight);
+            self.vector(&format!("person.{i}.bias"), &dynamics.bias);
+        }
+    }
+    fn basis(&mut self, basis: &'a DeltaBasis) {
+        let DeltaBasis { mean, directions, coefficient_mean } = basis;
+        let v = mean.len() / 3;
+        self.numbers("basis.mean", &[v, 3], mean);
+        self.numbers("basis.directions", &[directions.rows(), v, 3], directions.data());
+        self.vector("basis.coefficient_mean", coefficient_mean);
     }
     fn numbers(&mut self, name: &str, shape: &[usize], numbers: &'a [f32]) {
         if let Some(i) = numbers.iter().position(|x| !x.is_finite()) {
@@ -104,6 +120,7 @@ pub(crate) fn read(path: &Path, form: &ModelForm, fps: f32) -> Result<Arrays> {
     let reader = Reader { file: &file, read: RefCell::default() };
     let model = match form {
         ModelForm::Recurrent(form) => Model::Recurrent(reader.recurrent(form, fps)?),
+        ModelForm::Autoregressive(form) => Model::Autoregressive(reader.autoregressive(form)?),
     };
     let arrays = Arrays { model, self_check: reader.self_check()? };
     match file.names().find(|name| !reader.read.borrow().contains(*name)) {
@@ -129,16 +146,41 @@ impl Reader<'_> {
     }
 
     fn subspace(&self, form: &RecurrentForm) -> Result<Subspace> {
-        let [k, v, _] = self.shape("basis.directions")?;
-        let basis = DeltaBasis {
-            mean: self.numbers("basis.mean", &[v, 3])?,
-            directions: Matrix::new(k, 3 * v, self.numbers("basis.directions", &[k, v, 3])?),
-            coefficient_mean: self.vector("basis.coefficient_mean")?,
-        };
+        let basis = self.basis()?;
         let encoder =
             Encoder { units: self.units("encoder", form.encoder_units)?, project: self.linear("encoder.project")? };
         let decoder = Decoder { lift: self.linear("decoder.lift")?, units: self.units("decoder", form.decoder_units)? };
         Ok(Subspace { basis, encoder, decoder })
+    }
+
+    fn basis(&self) -> Result<DeltaBasis> {
+        let [k, v, _] = self.shape("basis.directions")?;
+        Ok(DeltaBasis {
+            mean: self.numbers("basis.mean", &[v, 3])?,
+            directions: Matrix::new(k, 3 * v, self.numbers("basis.directions", &[k, v, 3])?),
+            coefficient_mean: self.vector("basis.coefficient_mean")?,
+        })
+    }
+
+    fn autoregressive(&self, form: &AutoregressiveForm) -> Result<AutoregressiveModel> {
+        let person = |(i, form): (usize, &PersonForm)| {
+            let dynamics = Ar2 {
+                lags: self.matrix(&format!("person.{i}.lags"))?,
+                weight: self.matrix(&format!("person.{i}.weight"))?,
+                bias: self.vector(&format!("person.{i}.bias"))?,
+            };
+            Ok(PersonDynamics { name: form.name.clone(), bmi: form.bmi, dynamics })
+        };
+        Ok(AutoregressiveModel {
+            input: self.scaling("autoregression.input", form.features)?,
+            basis: self.basis()?,
+            build: BodyBuild {
+                rooted_weight: self.vector("build.rooted_weight")?,
+                height: self.vector("build.height")?,
+            },
+            tau: form.tau,
+            people: form.people.iter().enumerate().map(person).collect::<Result<_>>()?,
+        })
     }
 
     fn regressor(&self, form: &RecurrentForm, fps: f32) -> Result<Regressor> {

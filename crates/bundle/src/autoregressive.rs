@@ -1,5 +1,6 @@
 use crate::descriptor::FeatureScaling;
 use crate::matrix::dot;
+use crate::model::{LARGEST_WIDTH, fits};
 use crate::{DeltaBasis, Matrix};
 use softtissue_body::BodyBuild;
 
@@ -59,6 +60,9 @@ impl Ar2 {
     }
 }
 
+/// Most people of a mixture: each has three arrays in a bundle.
+const MOST_PEOPLE: usize = 256;
+
 /// One person that training knew.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PersonDynamics {
@@ -74,7 +78,7 @@ pub struct PersonDynamics {
 /// by how near their body mass index is to that of the body that moves (eqs. 21-22). Everybody shares one shape space
 /// and one set of components: sex is not modelled, where the paper learns women and men apart.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Autoregressive {
+pub struct AutoregressiveModel {
     /// From the descriptor's features.
     pub input: FeatureScaling,
     /// `K` components of the deltas.
@@ -87,7 +91,7 @@ pub struct Autoregressive {
     pub people: Vec<PersonDynamics>,
 }
 
-/// What an [`Autoregressive`] remembers between frames of one body, and its working memory. The mixture of linear
+/// What an [`AutoregressiveModel`] remembers between frames of one body, and its working memory. The mixture of linear
 /// models with one history is one linear model: it is mixed once, so that a step costs as much as one person's. Its
 /// poles lie as far inside as theirs, since the lags that keep poles within a radius form a convex set.
 #[derive(Clone, Debug)]
@@ -102,7 +106,11 @@ pub struct AutoregressiveState {
     decoded: Vec<f32>,
 }
 
-impl Autoregressive {
+impl AutoregressiveModel {
+    /// Vertices `V` that it moves.
+    pub fn vertex_count(&self) -> usize {
+        self.basis.mean.len() / 3
+    }
     /// Components `K`.
     pub fn components(&self) -> usize {
         self.basis.directions.rows()
@@ -158,17 +166,23 @@ impl Autoregressive {
         self.input.outside(features)
     }
 
-    /// Whether all parts fit together, for a body of `vertices` and features of a frame; the sentence says what does
-    /// not. Finite numbers are the reader's concern.
-    pub fn check(&self) -> Result<(), String> {
+    /// Whether all parts fit together; the sentence says what does not. Finite numbers are the reader's concern.
+    pub(crate) fn check(&self) -> Result<(), String> {
         self.input.check()?;
         let (k, d) = (self.components(), self.input.len());
         let basis = &self.basis;
-        if k == 0 || basis.directions.cols() != basis.mean.len() || basis.coefficient_mean.len() != k {
-            return Err(format!("its basis of {k} components does not fit its means; export it again"));
+        if !(1..=LARGEST_WIDTH).contains(&k) || self.input.input_size > LARGEST_WIDTH {
+            let features = self.input.input_size;
+            return Err(format!(
+                "it has {k} components and {features} features, expected 1 to {LARGEST_WIDTH}; export it again"
+            ));
         }
-        if self.people.is_empty() {
-            return Err("its mixture is of nobody; export it again".into());
+        fits("basis directions", &[basis.directions.cols()], &[basis.mean.len()])?;
+        fits("basis", &[basis.mean.len()], &[3 * self.vertex_count()])?;
+        fits("coefficient mean", &[basis.coefficient_mean.len()], &[k])?;
+        if !(1..=MOST_PEOPLE).contains(&self.people.len()) {
+            let people = self.people.len();
+            return Err(format!("its mixture is of {people} people, expected 1 to {MOST_PEOPLE}; export it again"));
         }
         if !(self.tau > 0.0 && self.tau.is_finite()) {
             return Err(format!("its kernel width is {}, expected a number above 0; export it again", self.tau));
@@ -178,11 +192,9 @@ impl Autoregressive {
         }
         for PersonDynamics { name, bmi, dynamics: Ar2 { lags, weight, bias } } in &self.people {
             let found = [lags.rows(), lags.cols(), weight.rows(), weight.cols(), bias.len()];
-            if found != [k, 2, k, d, k] {
-                return Err(format!("{name}'s dynamics do not fit {k} components and {d} features; export it again"));
-            }
-            if !(*bmi > 0.0) {
-                return Err(format!("{name} has a body mass index of {bmi}; export it again"));
+            fits(&format!("dynamics of {name:?}"), &found, &[k, 2, k, d, k])?;
+            if !(*bmi > 0.0 && bmi.is_finite()) {
+                return Err(format!("{name:?} has a body mass index of {bmi}; export it again"));
             }
         }
         Ok(())
@@ -194,6 +206,10 @@ impl AutoregressiveState {
     pub fn reset(&mut self) {
         self.last.copy_from_slice(&self.rest);
         self.before.copy_from_slice(&self.rest);
+    }
+    /// Coefficients of the newest frame, `[K]`, metres.
+    pub fn coefficients(&self) -> &[f32] {
+        &self.last
     }
     /// Whether the memory is finite.
     pub fn is_finite(&self) -> bool {

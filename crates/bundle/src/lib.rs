@@ -23,7 +23,7 @@ mod resonators;
 mod retarget;
 mod subspace;
 
-pub use autoregressive::{Ar2, Autoregressive, AutoregressiveState, PersonDynamics};
+pub use autoregressive::{Ar2, AutoregressiveModel, AutoregressiveState, PersonDynamics};
 pub use bundle::{Bundle, BundleInfo, SelfCheck};
 pub use controls::{Control, Controls};
 pub use error::BundleError;

@@ -1,5 +1,5 @@
 use crate::descriptor::DescriptorConfig;
-use crate::{Bundle, BundleError, BundleInfo, Model, RecurrentModel, Resonator, Result};
+use crate::{AutoregressiveModel, Bundle, BundleError, BundleInfo, Model, RecurrentModel, Resonator, Result};
 use serde::{Deserialize, Serialize};
 use softtissue_store::{StoreError, read_limited};
 use std::path::Path;
@@ -40,6 +40,7 @@ pub(crate) struct Manifest {
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub(crate) enum ModelForm {
     Recurrent(RecurrentForm),
+    Autoregressive(AutoregressiveForm),
 }
 
 /// A recurrent model.
@@ -54,6 +55,25 @@ pub(crate) struct RecurrentForm {
     pub(crate) recurrent: bool,
     pub(crate) encoder_units: usize,
     pub(crate) decoder_units: usize,
+}
+
+/// An autoregressive model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AutoregressiveForm {
+    pub(crate) features: usize,
+    /// Kernel width of the mixture, kg/m^2.
+    pub(crate) tau: f32,
+    pub(crate) people: Vec<PersonForm>,
+}
+
+/// Somebody in the mixture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PersonForm {
+    pub(crate) name: String,
+    /// Body mass index, kg/m^2.
+    pub(crate) bmi: f32,
 }
 
 /// A resonator bank.
@@ -94,6 +114,7 @@ impl ModelForm {
     fn of(model: &Model) -> Self {
         match model {
             Model::Recurrent(m) => Self::Recurrent(RecurrentForm::of(m)),
+            Model::Autoregressive(m) => Self::Autoregressive(AutoregressiveForm::of(m)),
         }
     }
 }
@@ -111,6 +132,13 @@ impl RecurrentForm {
             encoder_units: subspace.encoder.units.len(),
             decoder_units: subspace.decoder.units.len(),
         }
+    }
+}
+
+impl AutoregressiveForm {
+    fn of(model: &AutoregressiveModel) -> Self {
+        let people = model.people.iter().map(|p| PersonForm { name: p.name.clone(), bmi: p.bmi });
+        Self { features: model.input.input_size, tau: model.tau, people: people.collect() }
     }
 }
 

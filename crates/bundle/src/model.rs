@@ -1,11 +1,13 @@
 use crate::descriptor::DescriptorConfig;
-use crate::{Linear, Regressor, RegressorState, Subspace, SubspaceScratch};
+use crate::{AutoregressiveModel, AutoregressiveState, Linear, Regressor, RegressorState, Subspace, SubspaceScratch};
 
 /// What turns a motion's features into deltas: a variant for each family of methods.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Model {
     /// SoftSMPL (2020) and ours: a regressor of latent numbers and their decoder.
     Recurrent(RecurrentModel),
+    /// Dyna (2015) in vertex form: people's autoregressions, mixed by body mass index.
+    Autoregressive(AutoregressiveModel),
 }
 
 /// What a [`Model`] remembers of the motion of one body, and its working memory.
@@ -13,6 +15,8 @@ pub enum Model {
 pub enum ModelState {
     /// Of a [`RecurrentModel`].
     Recurrent(RecurrentState),
+    /// Of an [`AutoregressiveModel`].
+    Autoregressive(AutoregressiveState),
 }
 
 /// From features to latent to deltas.
@@ -42,30 +46,42 @@ impl Model {
     pub fn feature_count(&self) -> usize {
         match self {
             Self::Recurrent(m) => m.regressor.input.input_size,
+            Self::Autoregressive(m) => m.input.input_size,
         }
     }
     /// Vertices `V` that it moves.
     pub fn vertex_count(&self) -> usize {
         match self {
             Self::Recurrent(m) => m.subspace.vertex_count(),
+            Self::Autoregressive(m) => m.vertex_count(),
         }
     }
     /// Orthonormal delta modes `[K, V * 3]` that a descriptor may project forces on; `None` if the model has none.
     pub fn modes(&self) -> Option<&[f32]> {
         match self {
             Self::Recurrent(m) => Some(m.subspace.basis.directions.data()),
+            Self::Autoregressive(m) => Some(m.basis.directions.data()),
         }
     }
     /// The recurrent model, where it is one.
     pub fn recurrent(&self) -> Option<&RecurrentModel> {
         match self {
             Self::Recurrent(m) => Some(m),
+            Self::Autoregressive(_) => None,
         }
     }
-    /// Index, least and greatest value in training of each shape coefficient that it looks at.
+    /// The autoregressive model, where it is one.
+    pub fn autoregressive(&self) -> Option<&AutoregressiveModel> {
+        match self {
+            Self::Autoregressive(m) => Some(m),
+            Self::Recurrent(_) => None,
+        }
+    }
+    /// Index, least and greatest value in training of each shape coefficient that it looks at by itself.
     pub fn shape_limits(&self) -> Vec<(u32, f32, f32)> {
         match self {
             Self::Recurrent(m) => m.regressor.shape.limits(),
+            Self::Autoregressive(_) => vec![],
         }
     }
 
@@ -73,6 +89,7 @@ impl Model {
     pub fn start(&self, beta: &[f32]) -> ModelState {
         match self {
             Self::Recurrent(m) => ModelState::Recurrent(m.start(beta)),
+            Self::Autoregressive(m) => ModelState::Autoregressive(m.start(beta)),
         }
     }
     /// One frame: features `[D]` in, `deltas [V * 3]` (metres, rest frame) out. Returns how many features were clipped
@@ -80,6 +97,8 @@ impl Model {
     pub fn step(&self, features: &[f32], state: &mut ModelState, deltas: &mut [f32]) -> usize {
         match (self, state) {
             (Self::Recurrent(m), ModelState::Recurrent(state)) => m.step(features, state, deltas),
+            (Self::Autoregressive(m), ModelState::Autoregressive(state)) => m.step(features, state, deltas),
+            _ => panic!("the state belongs to another kind of model"),
         }
     }
 
@@ -87,6 +106,7 @@ impl Model {
     pub(crate) fn check(&self, descriptor: &DescriptorConfig) -> Result<(), String> {
         match self {
             Self::Recurrent(m) => m.check(descriptor),
+            Self::Autoregressive(m) => m.check(),
         }
     }
 }
@@ -96,18 +116,21 @@ impl ModelState {
     pub fn reset(&mut self) {
         match self {
             Self::Recurrent(s) => s.regressor.reset(),
+            Self::Autoregressive(s) => s.reset(),
         }
     }
     /// Whether what it remembers is finite.
     pub fn is_finite(&self) -> bool {
         match self {
             Self::Recurrent(s) => s.regressor.is_finite(),
+            Self::Autoregressive(s) => s.is_finite(),
         }
     }
     /// The few numbers behind the newest deltas.
     pub fn latent(&self) -> &[f32] {
         match self {
             Self::Recurrent(s) => s.regressor.latent(),
+            Self::Autoregressive(s) => s.coefficients(),
         }
     }
 }

@@ -5,7 +5,7 @@ use softtissue_bundle::descriptor::DescriptorConfig;
 use softtissue_clips::{ClipId, Split, SplitConfig};
 use softtissue_fit::FitConfig;
 use softtissue_model::PcaConfig;
-use softtissue_model::linear::LadderConfig;
+use softtissue_model::linear::{DynaConfig, LadderConfig};
 use softtissue_synth::dataset::SynthConfig;
 use softtissue_train::{LoopConfig, RegressorTraining, SubspaceTraining};
 
@@ -35,6 +35,8 @@ pub struct Config {
     pub ladder: LadderConfig,
     /// The recurrent regressor.
     pub regressor: RegressorSection,
+    /// Dyna.
+    pub dyna: DynaConfig,
     /// The loop that drives both trainings.
     pub train: LoopConfig,
     /// What is measured.
@@ -50,6 +52,8 @@ pub enum Method {
     Softtissue,
     /// SoftSMPL (Santesteban et al. 2020).
     Softsmpl,
+    /// Dyna (Pons-Moll et al. 2015), on vertices.
+    Dyna,
 }
 
 impl Method {
@@ -58,6 +62,7 @@ impl Method {
         match self {
             Self::Softtissue => softtissue_eval::OURS,
             Self::Softsmpl => "softsmpl",
+            Self::Dyna => "dyna",
         }
     }
 }
@@ -135,6 +140,7 @@ impl Default for Config {
             descriptor: DescriptorConfig::default(),
             ladder: LadderConfig::default(),
             regressor: RegressorSection::default(),
+            dyna: DynaConfig::default(),
             train: LoopConfig::default(),
             eval: EvalConfig::default(),
         }
@@ -179,6 +185,7 @@ impl Config {
         self.fit.check().map_err(|e| e.to_string())?;
         self.check_descriptor()?;
         self.check_learning()?;
+        self.dyna.check().map_err(|e| e.to_string())?;
         let most = 3600.0;
         within("eval.bounded_seconds", f64::from(self.eval.bounded_seconds), 0.0..=most)
     }
@@ -238,6 +245,7 @@ impl Config {
         for (key, strengths) in [
             ("ladder.resonators.strengths", &ladder.resonators.strengths),
             ("ladder.ar2.strengths", &ladder.ar2.strengths),
+            ("dyna.ar2.strengths", &self.dyna.ar2.strengths),
         ] {
             if strengths.is_empty() {
                 return Err(format!("{key} is empty; write one or more ridge strengths"));

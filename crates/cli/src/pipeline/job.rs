@@ -88,7 +88,7 @@ pub fn fold(context: &Context, kept: Arc<KeptBody>, scans: Scans, split: Split, 
         &split.train,
         &split.validation,
         (config.method, config.seed, &config.device, &config.fit),
-        (&config.subspace, &config.descriptor, &config.ladder, &config.regressor),
+        (&config.subspace, &config.descriptor, &config.ladder, &config.regressor, &config.dyna),
     ))?;
     let body = Arc::clone(&kept.model);
     Ok(Prepared { body, scans, split, fit, place })

@@ -3,6 +3,7 @@
 use super::basis::learn_basis;
 use super::bundle::{BundleMethod, LadderMethod, LearnedCodec};
 use super::context::{Context, Place};
+use super::dyna::learn_dyna;
 use super::ladder::learn_ladder;
 use super::motions::{descriptor, training_clips};
 use super::softtissue::learn_softtissue;
@@ -101,6 +102,7 @@ pub fn learn(
     let material = Material { body, fit, split, pca: &pca, descriptor: &descriptor, clips: &clips, strength };
     let learned = match config.method {
         Method::Softtissue | Method::Softsmpl => learn_softtissue(context, place, &material)?,
+        Method::Dyna => learn_dyna(context, place, &material)?,
     };
     let bundle = context.timed(&place.stage("bundle"), || ship(context, place, &material, &learned, bundle_dir))?;
     let ablation = |(part, model): (&str, Model)| BundleMethod {

@@ -5,6 +5,7 @@ mod basis;
 mod body;
 mod bundle;
 mod context;
+mod dyna;
 mod job;
 mod judge;
 mod ladder;

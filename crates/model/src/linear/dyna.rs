@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use softtissue_body::{BodyBuild, BodyModel};
 use softtissue_bundle::descriptor::{FeatureBlock, FeatureScaling};
-use softtissue_bundle::{Autoregressive, DeltaBasis, PersonDynamics};
+use softtissue_bundle::{AutoregressiveModel, DeltaBasis, PersonDynamics};
 
 /// Dyna (Pons-Moll et al. 2015) in the vertex form of DMPL: how it is learned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,7 +66,7 @@ pub fn fit_dyna(
     basis: &DeltaBasis,
     body: &BodyModel,
     set: FeatureSet,
-) -> Result<Selected<Autoregressive>, ModelError> {
+) -> Result<Selected<AutoregressiveModel>, ModelError> {
     config.check()?;
     // The pose itself is no input of Dyna.
     let blocks: Vec<FeatureBlock> = set.blocks.iter().filter(|b| b.name != "rotations").cloned().collect();
@@ -78,7 +78,7 @@ pub fn fit_dyna(
     let held: Vec<Vec<f32>> = set.validation.par_iter().map(|c| input.apply_clip(&c.features)).collect();
     let lags = if config.order == 0 { Lags::None } else { Lags::Two { radius: config.ar2.pole_radius } };
     let (model, strength, score, tried) = select(&config.ar2.strengths, |strength| {
-        let model = Autoregressive {
+        let model = AutoregressiveModel {
             input: input.clone(),
             basis: basis.clone(),
             build: build.clone(),

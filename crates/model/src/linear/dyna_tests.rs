@@ -8,7 +8,7 @@ use softtissue_body::{
     BodyBuild, BodyModel, JointRegressor, Mirror, Region, RegionMap, Skeleton, SkinWeights, UvAtlas,
 };
 use softtissue_bundle::descriptor::{DescriptorConfig, FeatureBlock};
-use softtissue_bundle::{Autoregressive, DeltaBasis, Matrix};
+use softtissue_bundle::{AutoregressiveModel, DeltaBasis, Matrix};
 use softtissue_clips::ClipId;
 use softtissue_geometry::Topology;
 use softtissue_random::Draws;
@@ -49,7 +49,7 @@ fn clip(subject: &str, beta: &[f32], features: Vec<f32>, coefficients: Vec<f32>,
     TrainingClip { id: ClipId::new(subject, "m", 0), beta: beta.to_vec(), features, coefficients, frames }
 }
 
-fn fitted(config: &DynaConfig, clips: &[TrainingClip]) -> Result<Autoregressive, ModelError> {
+fn fitted(config: &DynaConfig, clips: &[TrainingClip]) -> Result<AutoregressiveModel, ModelError> {
     let blocks = FeatureBlock::in_a_row(&[("drive", clips[0].feature_count())]);
     let descriptor = DescriptorConfig::default();
     let set = FeatureSet { descriptor: &descriptor, blocks: &blocks, train: clips, validation: &[] };
