@@ -10,6 +10,7 @@
 mod fit;
 mod networks;
 mod skinning;
+mod triangles;
 
 use glam::Vec3;
 use softtissue_body::procedural::{ProceduralConfig, generate};

@@ -6,6 +6,7 @@ mod casas_otaduy;
 mod command;
 mod comparison;
 mod controls;
+mod dyna;
 mod main_job;
 mod resume;
 mod softsmpl;

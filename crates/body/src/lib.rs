@@ -3,6 +3,7 @@
 //!
 //! Units: metres, radians. Right-handed, Y up, facing +Z. This room knows nothing of training or foreign files.
 
+mod build;
 mod correctives;
 mod derivative;
 mod error;
@@ -15,6 +16,7 @@ mod skinning;
 #[cfg(feature = "procedural")]
 pub mod procedural;
 
+pub use build::{BODY_DENSITY, BodyBuild};
 pub use derivative::Jacobian;
 pub use error::BodyError;
 pub use model::{BodyModel, JointRegressor, Mirror, Skeleton, SkinWeights, UvAtlas};

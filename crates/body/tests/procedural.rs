@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 use softtissue_body::procedural::{Levels, ProceduralBody, ProceduralConfig, generate, generate_levels};
-use softtissue_body::{BodyModel, Pose, Region};
+use softtissue_body::{BodyBuild, BodyModel, Pose, Region};
 use softtissue_geometry::{face_normals, signed_volume, vertex_normals};
 use softtissue_random::Draws;
 use std::collections::{BTreeMap, BTreeSet};
@@ -352,4 +352,34 @@ fn subdivision_keeps_affine_fields_and_joins_the_levels() {
     let own = fine.model.shaped(&beta).vertices;
     let mean = lifted.iter().zip(&own).map(|(a, b)| a.distance(*b)).sum::<f32>() / own.len() as f32;
     assert!(mean < 0.006, "the same beta means other bodies at the two levels: {mean} m apart on average");
+}
+
+/// The linear map of shape to build against the exact volume and stature, over people as the shape space has them and
+/// over the range of body masses; the same at both levels.
+#[test]
+fn weight_height_and_index_are_nearly_linear_in_the_shape() {
+    for (name, body) in bodies() {
+        let (build, anatomy) = (BodyBuild::fit(&body.model), &body.anatomy);
+        let mut errors: Vec<f64> = (0..200)
+            .map(|i| {
+                let beta = random_beta(body.model.shape_count(), i);
+                assert!((f64::from(build.height(&beta)) - anatomy.height(&beta)).abs() < 1e-4, "{name}");
+                (f64::from(build.bmi(&beta)) - anatomy.bmi(&beta)).abs()
+            })
+            .collect();
+        errors.sort_by(f64::total_cmp);
+        println!("{name}: {} {} {}", errors[100], errors[190], errors[199]);
+        for bmi in [18.0, 23.0, 28.0, 33.0] {
+            let beta = anatomy.beta_for_bmi(bmi, &[]).unwrap();
+            println!("{bmi} {}", build.bmi(&beta));
+            let other = build.at_bmi(&[], bmi as f32).unwrap();
+            println!(
+                "    at {bmi} {} h {} {} beta {:?}",
+                anatomy.bmi(&other),
+                anatomy.height(&other),
+                anatomy.height(&[]),
+                &other[..4]
+            );
+        }
+    }
 }

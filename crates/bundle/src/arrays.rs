@@ -1,10 +1,11 @@
 use crate::descriptor::{FeatureScaling, PoseEncoder};
 use crate::feedback::{FeedbackModel, FeedbackPerson, Limits as Range};
-use crate::manifest::{FeedbackForm, ModelForm, RecurrentForm};
+use crate::manifest::{AutoregressiveForm, FeedbackForm, ModelForm, PersonForm, RecurrentForm};
 use crate::{
-    BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model, Recurrent, RecurrentModel, Regressor,
-    ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace, ThreeLayers,
+    Ar2, AutoregressiveModel, BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model, PersonDynamics,
+    Recurrent, RecurrentModel, Regressor, ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace, ThreeLayers,
 };
+use softtissue_body::BodyBuild;
 use softtissue_geometry::Frames;
 use softtissue_store::{Limits, TensorFile, TensorFileWriter};
 use std::cell::RefCell;
@@ -33,6 +34,7 @@ pub(crate) fn collect<'a>(model: &'a Model, check: &'a SelfCheck) -> std::result
     match model {
         Model::Recurrent(model) => writer.recurrent(model),
         Model::Feedback(model) => model.people.iter().enumerate().for_each(|(i, p)| writer.person(i, p)),
+        Model::Autoregressive(model) => writer.autoregressive(model),
     }
     let (t, j, c) = (check.translations.len(), check.rotations.points_per_frame(), check.vertices.len());
     writer.vector("check.beta", &check.beta);
@@ -50,11 +52,7 @@ struct Writer<'a> {
 
 impl<'a> Writer<'a> {
     fn recurrent(&mut self, RecurrentModel { regressor, subspace, pose_encoder }: &'a RecurrentModel) {
-        let DeltaBasis { mean, directions, coefficient_mean } = &subspace.basis;
-        let v = mean.len() / 3;
-        self.numbers("basis.mean", &[v, 3], mean);
-        self.numbers("basis.directions", &[directions.rows(), v, 3], directions.data());
-        self.vector("basis.coefficient_mean", coefficient_mean);
+        self.basis(&subspace.basis);
         self.units("encoder", &subspace.encoder.units);
         self.linear("encoder.project", &subspace.encoder.project);
         self.linear("decoder.lift", &subspace.decoder.lift);
@@ -89,6 +87,24 @@ impl<'a> Writer<'a> {
     fn range(&mut self, name: &str, range: &'a Range) {
         self.vector(&format!("{name}.lower"), &range.lower);
         self.vector(&format!("{name}.upper"), &range.upper);
+    }
+    fn autoregressive(&mut self, model: &'a AutoregressiveModel) {
+        self.basis(&model.basis);
+        self.scaling("autoregression.input", &model.input);
+        self.vector("build.rooted_weight", &model.build.rooted_weight);
+        self.vector("build.height", &model.build.height);
+        for (i, PersonDynamics { dynamics, .. }) in model.people.iter().enumerate() {
+            self.matrix(&format!("person.{i}.lags"), &dynamics.lags);
+            self.matrix(&format!("person.{i}.weight"), &dynamics.weight);
+            self.vector(&format!("person.{i}.bias"), &dynamics.bias);
+        }
+    }
+    fn basis(&mut self, basis: &'a DeltaBasis) {
+        let DeltaBasis { mean, directions, coefficient_mean } = basis;
+        let v = mean.len() / 3;
+        self.numbers("basis.mean", &[v, 3], mean);
+        self.numbers("basis.directions", &[directions.rows(), v, 3], directions.data());
+        self.vector("basis.coefficient_mean", coefficient_mean);
     }
     fn numbers(&mut self, name: &str, shape: &[usize], numbers: &'a [f32]) {
         if let Some(i) = numbers.iter().position(|x| !x.is_finite()) {
@@ -128,6 +144,7 @@ pub(crate) fn read(path: &Path, form: &ModelForm, fps: f32) -> Result<Arrays> {
     let model = match form {
         ModelForm::Recurrent(form) => Model::Recurrent(reader.recurrent(form, fps)?),
         ModelForm::Feedback(form) => Model::Feedback(reader.feedback(form)?),
+        ModelForm::Autoregressive(form) => Model::Autoregressive(reader.autoregressive(form)?),
     };
     let arrays = Arrays { model, self_check: reader.self_check()? };
     match file.names().find(|name| !reader.read.borrow().contains(*name)) {
@@ -188,16 +205,41 @@ impl Reader<'_> {
     }
 
     fn subspace(&self, form: &RecurrentForm) -> Result<Subspace> {
-        let [k, v, _] = self.shape("basis.directions")?;
-        let basis = DeltaBasis {
-            mean: self.numbers("basis.mean", &[v, 3])?,
-            directions: Matrix::new(k, 3 * v, self.numbers("basis.directions", &[k, v, 3])?),
-            coefficient_mean: self.vector("basis.coefficient_mean")?,
-        };
+        let basis = self.basis()?;
         let encoder =
             Encoder { units: self.units("encoder", form.encoder_units)?, project: self.linear("encoder.project")? };
         let decoder = Decoder { lift: self.linear("decoder.lift")?, units: self.units("decoder", form.decoder_units)? };
         Ok(Subspace { basis, encoder, decoder })
+    }
+
+    fn basis(&self) -> Result<DeltaBasis> {
+        let [k, v, _] = self.shape("basis.directions")?;
+        Ok(DeltaBasis {
+            mean: self.numbers("basis.mean", &[v, 3])?,
+            directions: Matrix::new(k, 3 * v, self.numbers("basis.directions", &[k, v, 3])?),
+            coefficient_mean: self.vector("basis.coefficient_mean")?,
+        })
+    }
+
+    fn autoregressive(&self, form: &AutoregressiveForm) -> Result<AutoregressiveModel> {
+        let person = |(i, form): (usize, &PersonForm)| {
+            let dynamics = Ar2 {
+                lags: self.matrix(&format!("person.{i}.lags"))?,
+                weight: self.matrix(&format!("person.{i}.weight"))?,
+                bias: self.vector(&format!("person.{i}.bias"))?,
+            };
+            Ok(PersonDynamics { name: form.name.clone(), bmi: form.bmi, dynamics })
+        };
+        Ok(AutoregressiveModel {
+            input: self.scaling("autoregression.input", form.features)?,
+            basis: self.basis()?,
+            build: BodyBuild {
+                rooted_weight: self.vector("build.rooted_weight")?,
+                height: self.vector("build.height")?,
+            },
+            tau: form.tau,
+            people: form.people.iter().enumerate().map(person).collect::<Result<_>>()?,
+        })
     }
 
     fn regressor(&self, form: &RecurrentForm, fps: f32) -> Result<Regressor> {

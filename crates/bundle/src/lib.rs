@@ -6,6 +6,7 @@
 
 mod advance;
 mod arrays;
+mod autoregressive;
 mod bundle;
 mod controls;
 pub mod descriptor;
@@ -23,6 +24,7 @@ mod resonators;
 mod retarget;
 mod subspace;
 
+pub use autoregressive::{Ar2, AutoregressiveModel, AutoregressiveState, PersonDynamics};
 pub use bundle::{Bundle, BundleInfo, SelfCheck};
 pub use controls::{Control, Controls};
 pub use error::BundleError;

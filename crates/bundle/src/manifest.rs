@@ -1,5 +1,7 @@
 use crate::descriptor::DescriptorConfig;
-use crate::{Bundle, BundleError, BundleInfo, FeedbackModel, Model, RecurrentModel, Resonator, Result};
+use crate::{
+    AutoregressiveModel, Bundle, BundleError, BundleInfo, FeedbackModel, Model, RecurrentModel, Resonator, Result,
+};
 use serde::{Deserialize, Serialize};
 use softtissue_store::{StoreError, read_limited};
 use std::path::Path;
@@ -41,6 +43,7 @@ pub(crate) struct Manifest {
 pub(crate) enum ModelForm {
     Recurrent(RecurrentForm),
     Feedback(FeedbackForm),
+    Autoregressive(AutoregressiveForm),
 }
 
 /// A recurrent model.
@@ -68,6 +71,25 @@ pub(crate) struct FeedbackForm {
     pub(crate) people: Vec<String>,
     /// Whether the fed back latents are clipped.
     pub(crate) latent_limits: bool,
+}
+
+/// An autoregressive model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AutoregressiveForm {
+    pub(crate) features: usize,
+    /// Kernel width of the mixture, kg/m^2.
+    pub(crate) tau: f32,
+    pub(crate) people: Vec<PersonForm>,
+}
+
+/// Somebody in the mixture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PersonForm {
+    pub(crate) name: String,
+    /// Body mass index, kg/m^2.
+    pub(crate) bmi: f32,
 }
 
 /// A resonator bank.
@@ -109,6 +131,7 @@ impl ModelForm {
         match model {
             Model::Recurrent(m) => Self::Recurrent(RecurrentForm::of(m)),
             Model::Feedback(m) => Self::Feedback(FeedbackForm::of(m)),
+            Model::Autoregressive(m) => Self::Autoregressive(AutoregressiveForm::of(m)),
         }
     }
 }
@@ -136,6 +159,13 @@ impl FeedbackForm {
             people: people.iter().map(|p| p.name.clone()).collect(),
             latent_limits: people.iter().any(|p| p.latent_limits.is_some()),
         }
+    }
+}
+
+impl AutoregressiveForm {
+    fn of(model: &AutoregressiveModel) -> Self {
+        let people = model.people.iter().map(|p| PersonForm { name: p.name.clone(), bmi: p.bmi });
+        Self { features: model.input.input_size, tau: model.tau, people: people.collect() }
     }
 }
 

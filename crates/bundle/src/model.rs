@@ -1,5 +1,8 @@
 use crate::descriptor::{DescriptorConfig, DescriptorParts, FeatureKind, PoseEncoder};
-use crate::{FeedbackModel, FeedbackState, Linear, Regressor, RegressorState, Subspace, SubspaceScratch};
+use crate::{
+    AutoregressiveModel, AutoregressiveState, FeedbackModel, FeedbackState, Linear, Regressor, RegressorState,
+    Subspace, SubspaceScratch,
+};
 use std::sync::Arc;
 
 /// What turns a motion's features into deltas: a variant for each family of methods.
@@ -10,6 +13,8 @@ pub enum Model {
     Recurrent(RecurrentModel),
     /// Casas and Otaduy (2018): a regressor of the deltas, fed back through an encoder.
     Feedback(FeedbackModel),
+    /// Dyna (2015) in vertex form: people's autoregressions, mixed by body mass index.
+    Autoregressive(AutoregressiveModel),
 }
 
 /// What a [`Model`] remembers of the motion of one body, and its working memory.
@@ -19,6 +24,8 @@ pub enum ModelState {
     Recurrent(RecurrentState),
     /// Of a [`FeedbackModel`].
     Feedback(FeedbackState),
+    /// Of an [`AutoregressiveModel`].
+    Autoregressive(AutoregressiveState),
 }
 
 /// From features to latent to deltas.
@@ -51,6 +58,7 @@ impl Model {
         match self {
             Self::Recurrent(m) => m.regressor.input.input_size,
             Self::Feedback(m) => m.feature_count(),
+            Self::Autoregressive(m) => m.input.input_size,
         }
     }
     /// Vertices `V` that it moves.
@@ -58,6 +66,7 @@ impl Model {
         match self {
             Self::Recurrent(m) => m.subspace.vertex_count(),
             Self::Feedback(m) => m.vertex_count(),
+            Self::Autoregressive(m) => m.vertex_count(),
         }
     }
     /// Orthonormal delta modes `[K, V * 3]` that a descriptor may project forces on; `None` if the model has none.
@@ -65,6 +74,7 @@ impl Model {
         match self {
             Self::Recurrent(m) => Some(m.subspace.basis.directions.data()),
             Self::Feedback(_) => None,
+            Self::Autoregressive(m) => Some(m.basis.directions.data()),
         }
     }
     /// What a descriptor needs of the model.
@@ -77,13 +87,22 @@ impl Model {
         match self {
             Self::Recurrent(m) => Some(m),
             Self::Feedback(_) => None,
+            Self::Autoregressive(_) => None,
         }
     }
-    /// Index, least and greatest value in training of each shape coefficient that it looks at.
+    /// The autoregressive model, where it is one.
+    pub fn autoregressive(&self) -> Option<&AutoregressiveModel> {
+        match self {
+            Self::Autoregressive(m) => Some(m),
+            Self::Recurrent(_) | Self::Feedback(_) => None,
+        }
+    }
+    /// Index, least and greatest value in training of each shape coefficient that it looks at by itself.
     pub fn shape_limits(&self) -> Vec<(u32, f32, f32)> {
         match self {
             Self::Recurrent(m) => m.regressor.shape.limits(),
             Self::Feedback(m) => m.shape_limits(),
+            Self::Autoregressive(_) => vec![],
         }
     }
 
@@ -92,6 +111,7 @@ impl Model {
         match self {
             Self::Recurrent(m) => ModelState::Recurrent(m.start(beta)),
             Self::Feedback(m) => ModelState::Feedback(m.start(beta)),
+            Self::Autoregressive(m) => ModelState::Autoregressive(m.start(beta)),
         }
     }
     /// One frame: features `[D]` in, `deltas [V * 3]` (metres, rest frame) out. Returns how many features were clipped
@@ -100,6 +120,7 @@ impl Model {
         match (self, state) {
             (Self::Recurrent(m), ModelState::Recurrent(state)) => m.step(features, state, deltas),
             (Self::Feedback(m), ModelState::Feedback(state)) => m.step(features, state, deltas),
+            (Self::Autoregressive(m), ModelState::Autoregressive(state)) => m.step(features, state, deltas),
             _ => panic!("the state belongs to another kind of model"),
         }
     }
@@ -109,6 +130,7 @@ impl Model {
         match self {
             Self::Recurrent(m) => m.check(descriptor),
             Self::Feedback(m) => m.check(),
+            Self::Autoregressive(m) => m.check(),
         }
     }
 }
@@ -119,6 +141,7 @@ impl ModelState {
         match self {
             Self::Recurrent(s) => s.regressor.reset(),
             Self::Feedback(s) => s.reset(),
+            Self::Autoregressive(s) => s.reset(),
         }
     }
     /// Whether what it remembers is finite.
@@ -126,6 +149,7 @@ impl ModelState {
         match self {
             Self::Recurrent(s) => s.regressor.is_finite(),
             Self::Feedback(s) => s.is_finite(),
+            Self::Autoregressive(s) => s.is_finite(),
         }
     }
     /// The few numbers behind the newest deltas.
@@ -133,6 +157,7 @@ impl ModelState {
         match self {
             Self::Recurrent(s) => s.regressor.latent(),
             Self::Feedback(s) => s.latent(),
+            Self::Autoregressive(s) => s.coefficients(),
         }
     }
 }

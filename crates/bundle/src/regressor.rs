@@ -147,14 +147,7 @@ impl Regressor {
             readout.apply(&state.hidden, &mut state.readout);
             state.latent.iter_mut().zip(&state.readout).for_each(|(z, r)| *z += r);
         }
-        self.outside(features)
-    }
-
-    /// How many kept features lie outside their range in training.
-    fn outside(&self, features: &[f32]) -> usize {
-        let FeatureScaling { kept, lower, upper, .. } = &self.input;
-        let limits = kept.iter().zip(lower).zip(upper);
-        limits.filter(|((d, low), high)| !(**low..=**high).contains(&features[**d as usize])).count()
+        self.input.outside(features)
     }
 }
 

@@ -12,6 +12,22 @@ pub struct DeltaBasis {
     pub coefficient_mean: Vec<f32>,
 }
 
+impl DeltaBasis {
+    /// Coefficients of a zero delta, where every rollout of coefficients starts, `[K]`.
+    pub fn rest_coefficients(&self) -> Vec<f32> {
+        let mut rest = vec![0.0; self.directions.rows()];
+        self.directions.times(&self.mean, &mut rest);
+        rest.iter().zip(&self.coefficient_mean).map(|(r, m)| -r - m).collect()
+    }
+
+    /// `delta [V * 3]` (metres) of coefficients `[K]`, to which their mean is added in place.
+    pub fn decode(&self, coefficients: &mut [f32], delta: &mut [f32]) {
+        coefficients.iter_mut().zip(&self.coefficient_mean).for_each(|(c, m)| *c += m);
+        delta.copy_from_slice(&self.mean);
+        self.directions.add_transposed_times(coefficients, delta);
+    }
+}
+
 /// From centred coefficients to the latent: residual units, then one linear layer.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Encoder {
@@ -74,9 +90,7 @@ impl Subspace {
     pub fn decode(&self, latent: &[f32], delta: &mut [f32], scratch: &mut SubspaceScratch) {
         let SubspaceScratch { coefficients, unit } = scratch;
         self.decode_coefficients_into(latent, coefficients, unit);
-        coefficients.iter_mut().zip(&self.basis.coefficient_mean).for_each(|(c, m)| *c += m);
-        delta.copy_from_slice(&self.basis.mean);
-        self.basis.directions.add_transposed_times(coefficients, delta);
+        self.basis.decode(coefficients, delta);
     }
 
     /// Centred coefficients `[K]` of a latent `[L]`.

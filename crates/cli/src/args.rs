@@ -143,6 +143,9 @@ pub struct AnimateArgs {
     /// Shape coefficients separated by commas; default: the mean shape.
     #[arg(long, value_name = "B0,B1,...", allow_hyphen_values = true)]
     pub shape: Option<String>,
+    /// Make the body of --shape heavier or lighter at the same height (Dyna 2015, eq. 26): its body mass index.
+    #[arg(long, value_name = "KG/M2", allow_hyphen_values = true)]
+    pub bmi: Option<f32>,
     /// Shape of the body whose flesh moves, shown on the body of --shape or --mesh; default: that of --shape.
     #[arg(long, value_name = "B0,B1,...", allow_hyphen_values = true)]
     pub flesh: Option<String>,

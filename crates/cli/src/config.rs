@@ -9,7 +9,7 @@ use softtissue_bundle::descriptor::DescriptorConfig;
 use softtissue_clips::{ClipId, Split, SplitConfig};
 use softtissue_fit::FitConfig;
 use softtissue_model::PcaConfig;
-use softtissue_model::linear::LadderConfig;
+use softtissue_model::linear::{DynaConfig, LadderConfig};
 use softtissue_synth::dataset::SynthConfig;
 use softtissue_train::{
     AutoencoderStart, DeltaAutoencoderTraining, FeedbackTraining, LoopConfig, RegressorTraining, SubspaceTraining,
@@ -45,6 +45,8 @@ pub struct Config {
     pub softsmpl: SoftsmplConfig,
     /// The method of Casas and Otaduy.
     pub casas_otaduy: CasasOtaduyConfig,
+    /// Dyna.
+    pub dyna: DynaConfig,
     /// The loop that drives every training.
     pub train: LoopConfig,
     /// What is measured.
@@ -62,6 +64,8 @@ pub enum Method {
     Softsmpl,
     /// Casas and Otaduy (2018).
     CasasOtaduy,
+    /// Dyna (Pons-Moll et al. 2015), on vertices.
+    Dyna,
 }
 
 impl Method {
@@ -71,6 +75,7 @@ impl Method {
             Self::Softtissue => softtissue_eval::OURS,
             Self::Softsmpl => "softsmpl",
             Self::CasasOtaduy => "casas-otaduy",
+            Self::Dyna => "dyna",
         }
     }
 }
@@ -166,6 +171,7 @@ impl Default for Config {
             regressor: RegressorSection::default(),
             softsmpl: SoftsmplConfig::default(),
             casas_otaduy: CasasOtaduyConfig::default(),
+            dyna: DynaConfig::default(),
             train: LoopConfig::default(),
             eval: EvalConfig::default(),
         }
@@ -224,6 +230,7 @@ impl Config {
         self.check_learning()?;
         self.softsmpl.check()?;
         self.check_casas_otaduy()?;
+        self.dyna.check().map_err(|e| e.to_string())?;
         let most = 3600.0;
         within("eval.bounded_seconds", f64::from(self.eval.bounded_seconds), 0.0..=most)
     }
@@ -323,6 +330,7 @@ impl Config {
         for (key, strengths) in [
             ("ladder.resonators.strengths", &ladder.resonators.strengths),
             ("ladder.ar2.strengths", &ladder.ar2.strengths),
+            ("dyna.ar2.strengths", &self.dyna.ar2.strengths),
         ] {
             if strengths.is_empty() {
                 return Err(format!("{key} is empty; write one or more ridge strengths"));

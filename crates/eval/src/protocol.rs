@@ -56,9 +56,10 @@ pub fn leave_one_subject_out(clips: &[ClipId], split: &SplitConfig, choice: &Fol
     choose(folds, choice)
 }
 
-/// Dyna's four cases (Pons-Moll et al. 2015, section 6): a new take of a known motion of a known subject, a new motion
-/// of a known subject, a known motion of a new subject, and both new. One fold each, all judged on the last take of one
-/// sequence; a case that the clips do not allow (no second take, no second subject) is left out. `choice` names cases.
+/// Dyna's four cases (Pons-Moll et al. 2015, section 6.1): a motion that a known subject did not perform in training but
+/// others did, a motion that nobody did, a known motion of a new subject, and both new. One fold each, all judged on the
+/// last take of one sequence, whose other takes nobody sees; a case that the clips do not allow (nobody else performs
+/// the motion, no second subject) is left out. `choice` names cases.
 pub fn dyna_cases(
     clips: &[ClipId],
     split: &SplitConfig,
@@ -80,8 +81,8 @@ pub fn dyna_cases(
     };
     let mut folds: Vec<(&str, &str, Result<Fold>)> = Vec::new();
     let mut push = |name: &'static str, unseen: &dyn Fn(&ClipId) -> bool| folds.push((name, "", case(name, unseen)));
-    if clips.iter().any(|c| is(c) == (true, true) && c.take != last_take) {
-        push("new-instance", &|_| false);
+    if clips.iter().any(|c| is(c) == (false, true)) {
+        push("new-instance", &|c| is(c) == (true, true));
     }
     // a new motion is new for everybody: others' takes of it would show it
     push("new-motion", &|c| is(c).1);
@@ -224,7 +225,8 @@ mod tests {
             fold.split.train.iter().chain(&fold.split.validation).any(f)
         };
         let (subject, motion) = (|c: &ClipId| c.subject == "b", |c: &ClipId| c.motion == "one_leg_jump");
-        assert!(seen("new-instance", &|c| subject(c) && motion(c)));
+        assert!(!seen("new-instance", &|c| subject(c) && motion(c)));
+        assert!(seen("new-instance", &subject) && seen("new-instance", &motion));
         assert!(!seen("new-motion", &motion) && seen("new-motion", &subject));
         assert!(!seen("new-subject", &subject) && seen("new-subject", &motion));
         assert!(!seen("new-both", &|c| subject(c) || motion(c)));

@@ -23,6 +23,16 @@ pub enum Solver {
     Adam,
 }
 
+/// What the deltas pass through before they are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DeltaForm {
+    /// Nothing: displacements of vertices, as DMPL and SoftSMPL have them.
+    Vertices,
+    /// Deformations of triangles and their stitching (Dyna 2015, eqs. 12 and 19), which smooth them.
+    Triangles,
+}
+
 /// How the second solver is run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -98,6 +108,13 @@ pub struct FitConfig {
     pub least_gain: f64,
     /// Iterations a frame at most. Default 30.
     pub max_iterations: usize,
+    /// `vertices` (default), or `triangles`: the deltas become deformations of triangles (Dyna 2015, eq. 12) and are
+    /// stitched together again before they are written. Poses, shapes and templates are the same for both.
+    pub delta_form: DeltaForm,
+    /// Of the triangle form: weight of the squared difference of neighbouring triangles' deformations beside the squared
+    /// error of their edges, m^2. Small keeps the deltas, large smooths the scanner's noise and then the flesh away.
+    /// Default 1e-8, which changes a delta by less than 0.1 mm.
+    pub triangle_smoothness: f64,
     /// Weighted rms distance, metres, beyond which a clip is held to be of another body or in other units.
     /// Default 0.15.
     pub refuse_beyond: f64,
@@ -125,6 +142,8 @@ impl Default for FitConfig {
             tolerance: 5e-4,
             least_gain: 5e-4,
             max_iterations: 30,
+            delta_form: DeltaForm::Vertices,
+            triangle_smoothness: 1e-8,
             refuse_beyond: 0.15,
             adam: AdamFitConfig::default(),
         }
@@ -171,6 +190,7 @@ impl FitConfig {
         let positive = [
             ("tolerance", self.tolerance),
             ("refuse_beyond", self.refuse_beyond),
+            ("triangle_smoothness", self.triangle_smoothness),
             ("adam.learning_rate", self.adam.learning_rate),
         ];
         for (field, value) in positive {

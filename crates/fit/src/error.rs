@@ -67,6 +67,12 @@ pub enum FitError {
         /// What it may be.
         remedy: &'static str,
     },
+    /// A template whose triangles cannot hold deltas.
+    #[error("the body's mesh has no triangle form: {reason}")]
+    Mesh {
+        /// What is wrong with it.
+        reason: &'static str,
+    },
     /// A solver's own failure.
     #[error("clip {clip}: {reason}")]
     Solver {

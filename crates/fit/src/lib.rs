@@ -10,6 +10,8 @@
 //! - Another solver of the poses can stand in for this crate's through [`PoseSolver`], by [`fit_set_with`].
 //! - Shape: from the first frames of a subject's training clips, poses free.
 //! - Deltas: SoftSMPL eq. 3, with what is static in a subject (AutoAvatar 2022, appendix A) taken out by default.
+//! - [`TriangleForm`]: the deltas as deformations of triangles and back, as Dyna (2015) has them; `fit.delta_form =
+//!   "triangles"` sends all deltas through it.
 //! - Two weights: `fit_weight` is high on rigid parts and steers the pose fit; `rigidity_weight` (Casas-Otaduy eq. 7)
 //!   is high on flesh in spite of its name and weighs losses later.
 //!
@@ -33,19 +35,22 @@ mod shape;
 mod smooth;
 mod solve;
 mod solver;
+mod sparse;
 mod start;
 mod subject;
 mod template;
+mod triangles;
 mod weights;
 
 pub use accuracy::{AccuracySum, ClipComparison, FitAccuracy};
-pub use config::{AdamFitConfig, FitConfig, ObjectiveKind, Solver};
+pub use config::{AdamFitConfig, DeltaForm, FitConfig, ObjectiveKind, Solver};
 pub use error::FitError;
 pub use motion::{FittedMotion, fit_motion};
 pub use objective::{Objective, WeightedBody};
 pub use packed::PackedBody;
 pub use set::{ClipQuality, fit_set, fit_set_with};
 pub use solver::{LevenbergMarquardt, PoseProblem, PoseSolver, StartPoses};
+pub use triangles::{TriangleDeltas, TriangleForm};
 pub use weights::region_weights;
 
 /// Result of this crate.

@@ -4,7 +4,7 @@ use crate::packed::PackedBody;
 use crate::solver::{LevenbergMarquardt, PoseProblem, PoseSolver};
 use crate::subject::{SubjectModel, fit_subject};
 use crate::weights::{VelocityChange, mean_weights, rigidity_weights};
-use crate::{FitConfig, FitError, Result, Solver};
+use crate::{DeltaForm, FitConfig, FitError, Result, Solver, TriangleForm};
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -78,11 +78,16 @@ pub fn fit_set_with(
     let frames: usize = scans.clips().iter().filter(|c| ids.contains(&c.id)).map(|c| c.frames).sum();
     monitor.begin("fit: poses and deltas", frames as u64, "frames");
     let adjacency = Adjacency::new(&body.topology);
+    let triangles = match config.delta_form {
+        DeltaForm::Vertices => None,
+        DeltaForm::Triangles => Some(TriangleForm::new(&body.template, &body.topology, config.triangle_smoothness)?),
+    };
+    let surface = Surface { adjacency: &adjacency, triangles: triangles.as_ref() };
     let ids: Vec<&ClipId> = ids.into_iter().collect();
     let fit_one = |id: &&ClipId| {
         let subject = subjects.iter().find(|s| s.name == id.subject).expect("every subject of the split is fitted");
         let training = split.part(id) == Some(Part::Train);
-        fit_clip(solver, scans, body, id, subject, training, &adjacency, config, out, monitor)
+        fit_clip(solver, scans, body, id, subject, training, surface, config, out, monitor)
     };
     let clips: Vec<ClipResult> = ids.par_iter().map(fit_one).collect::<Result<_>>()?;
     monitor.end();
@@ -144,6 +149,13 @@ fn fit_subjects(
     Ok(subjects)
 }
 
+/// What a clip's deltas lie on.
+#[derive(Clone, Copy)]
+struct Surface<'a> {
+    adjacency: &'a Adjacency,
+    triangles: Option<&'a TriangleForm>,
+}
+
 struct ClipResult {
     entry: ClipEntry,
     quality: ClipQuality,
@@ -159,7 +171,7 @@ fn fit_clip(
     id: &ClipId,
     subject: &SubjectModel,
     training: bool,
-    adjacency: &Adjacency,
+    surface: Surface,
     config: &FitConfig,
     out: &Path,
     monitor: &dyn Monitor,
@@ -175,7 +187,13 @@ fn fit_clip(
     if refused && training {
         return Err(FitError::NotThisBody { clip: id.clone(), distance_m });
     }
-    let (deltas, folded) = clip_deltas(&subject.objective, &fitted, &scan.vertices, 1, adjacency);
+    let (mut deltas, folded) = clip_deltas(&subject.objective, &fitted, &scan.vertices, 1, surface.adjacency);
+    if let Some(triangles) = surface.triangles {
+        for t in 0..deltas.len() {
+            let whole = triangles.round_trip(deltas.frame(t));
+            deltas.frame_mut(t).copy_from_slice(&whole);
+        }
+    }
     if refused {
         monitor
             .say(&format!("clip {id} is left out and lies {distance_m:.3} m from the body: its deltas are of no use"));

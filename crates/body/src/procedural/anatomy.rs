@@ -1,12 +1,9 @@
 use super::bones::{BoneField, bones};
 use super::parameters::{PARAMETERS, ShapeParameters};
 use super::parts::Tissue;
-use crate::{BodyError, BodyModel, Result};
+use crate::{BODY_DENSITY, BodyError, BodyModel, Result};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
-
-/// Mean density of a living body, kg/m^3.
-pub const BODY_DENSITY: f64 = 1010.0;
 
 /// What lies under the skin, at any shape: bones, fat, and the body's measures. Small, serialisable; made with the
 /// body and kept beside it. Vertex arrays are `[V]` of the level it was made for.

@@ -38,7 +38,7 @@ mod subdivision;
 mod surface_nets;
 mod weights;
 
-pub use anatomy::{Anatomy, BODY_DENSITY};
+pub use anatomy::Anatomy;
 pub use bones::{BoneCapsule, BoneField};
 pub use generator::{Levels, ProceduralBody, ProceduralConfig, generate, generate_levels};
 pub use parameters::ShapeParameters;

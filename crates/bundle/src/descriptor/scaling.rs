@@ -99,6 +99,11 @@ impl FeatureScaling {
             *y = x.clamp(self.lower[k], self.upper[k]) * self.scale[k];
         }
     }
+    /// How many kept features of a frame lie outside their range in training.
+    pub fn outside(&self, features: &[f32]) -> usize {
+        let limits = self.kept.iter().zip(&self.lower).zip(&self.upper);
+        limits.filter(|((d, low), high)| !(**low..=**high).contains(&features[**d as usize])).count()
+    }
     /// Scales a clip, `[T, D]` to `[T, K]`.
     pub fn apply_clip(&self, features: &[f32]) -> Vec<f32> {
         let frames = features.len() / self.input_size.max(1);

@@ -1,3 +1,4 @@
+//! `autoregressive`: bundles of Dyna's model, against its equations in f64, and what is refused of them.
 //! `descriptor`: features against closed forms.
 //! `format`: writing, reading back, pinned bytes.
 //! `player`: the player against sums written out in f64, and against bad input.
@@ -5,6 +6,7 @@
 //! `refusals`: bundles that must not open.
 //! `tiny`: a small body and a small bundle made from draws.
 
+mod autoregressive;
 mod controls;
 mod descriptor;
 mod feedback;

@@ -1,5 +1,7 @@
 use glam::{Vec2, Vec3};
-use softtissue_body::{BodyModel, JointRegressor, Mirror, Region, RegionMap, Skeleton, SkinWeights, UvAtlas};
+use softtissue_body::{
+    BodyBuild, BodyModel, JointRegressor, Mirror, Region, RegionMap, Skeleton, SkinWeights, UvAtlas,
+};
 use softtissue_bundle::descriptor::{
     Descriptor, DescriptorConfig, DescriptorParts, FeatureKind, FeatureScaling, PoseEncoder,
 };
@@ -200,10 +202,39 @@ pub fn feedback_bundle(clipped: bool) -> Bundle {
 
 /// The recurrent model of a bundle, to break it.
 pub fn recurrent_of(bundle: &mut Bundle) -> &mut RecurrentModel {
-    match &mut bundle.model {
-        Model::Recurrent(model) => model,
-        other => panic!("{other:?}"),
-    }
+    let Model::Recurrent(model) = &mut bundle.model else { panic!("a recurrent bundle") };
+    model
+}
+
+/// The same body with a mixture of three people of random dynamics on 7 components, poles inside 0.9.
+pub fn autoregressive() -> Bundle {
+    let mut bundle = bundle(Parts { features: FeatureKind::Pose, ..Parts::default() });
+    let RecurrentModel { regressor, subspace } = recurrent_of(&mut bundle).clone();
+    let (input, basis) = (regressor.input, subspace.basis);
+    let (k, d) = (basis.directions.rows(), input.len());
+    let mut draws = Numbers(Draws::new(12, "tiny people", 0, 0));
+    let mut person = |i: usize| {
+        let lags = (0..k).flat_map(|_| [1.2 + draws.take(1, 0.1)[0], -0.6 + draws.take(1, 0.05)[0]]).collect();
+        let dynamics = Ar2 {
+            lags: Matrix::new(k, 2, lags),
+            weight: Matrix::new(k, d, draws.take(k * d, 1e-3)),
+            bias: draws.take(k, 1e-3),
+        };
+        PersonDynamics { name: format!("s{i:02}"), bmi: [20.5, 24.0, 31.0][i], dynamics }
+    };
+    let people = (0..3).map(&mut person).collect();
+    let build = BodyBuild { rooted_weight: vec![4.1, 0.05, -0.2], height: vec![1.7, 0.06, 0.0] };
+    bundle.model = Model::Autoregressive(AutoregressiveModel { input, basis, build, tau: 2.0, people });
+    bundle.info.method = "dyna".into();
+    let (rotations, translations) = motion(12);
+    bundle.self_check = SelfCheck::record(&bundle, &[0.5, -0.5], &rotations, &translations, 8).unwrap();
+    bundle
+}
+
+/// The autoregressive model of a bundle, to break it.
+pub fn autoregressive_of(bundle: &mut Bundle) -> &mut AutoregressiveModel {
+    let Model::Autoregressive(model) = &mut bundle.model else { panic!("an autoregressive bundle") };
+    model
 }
 
 /// Bends, turns and hops.

@@ -89,7 +89,7 @@ pub fn fold(context: &Context, kept: Arc<KeptBody>, scans: Scans, split: Split, 
         &split.validation,
         (config.method, config.seed, &config.device, &config.fit),
         (&config.subspace, &config.descriptor, &config.ladder, &config.regressor, &config.softsmpl),
-        &config.casas_otaduy,
+        (&config.casas_otaduy, &config.dyna),
     ))?;
     let body = Arc::clone(&kept.model);
     Ok(Prepared { body, scans, split, fit, place })

@@ -4,6 +4,7 @@ use super::basis::learn_basis;
 use super::bundle::{BundleMethod, LadderMethod, LearnedCodec};
 use super::casas_otaduy::learn_casas_otaduy;
 use super::context::{Context, Place};
+use super::dyna::learn_dyna;
 use super::ladder::learn_ladder;
 use super::motions::{descriptor, training_clips};
 use super::softsmpl::learn_softsmpl;
@@ -105,6 +106,7 @@ pub fn learn(
         Method::Softtissue => learn_softtissue(context, place, &material)?,
         Method::Softsmpl => learn_softsmpl(context, place, &material)?,
         Method::CasasOtaduy => learn_casas_otaduy(context, place, &material)?,
+        Method::Dyna => learn_dyna(context, place, &material)?,
     };
     let bundle = context.timed(&place.stage("bundle"), || ship(context, place, &material, &learned, bundle_dir))?;
     let ablation = |(part, model): (&str, Model)| BundleMethod {

@@ -6,6 +6,7 @@ mod body;
 mod bundle;
 mod casas_otaduy;
 mod context;
+mod dyna;
 mod job;
 mod judge;
 mod ladder;

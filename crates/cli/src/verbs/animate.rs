@@ -7,6 +7,7 @@ use crate::terminal::Terminal;
 use crate::verbs::contact_sheet;
 use crate::verbs::controls::{controls, rest_mesh};
 use anyhow::Result;
+use softtissue_body::BodyBuild;
 use softtissue_bundle::{Bundle, BundleError, Controls, Player};
 use softtissue_clips::MotionClip;
 use softtissue_export::{Animation, GltfConfig, write_gltf, write_obj_sequence};
@@ -17,6 +18,8 @@ use std::path::Path;
 
 /// What a motion is generated with where only its name is given.
 const GENERATOR_SEED: u64 = 1;
+/// Largest shape coefficient that is a body.
+const LARGEST_COEFFICIENT: f32 = 10.0;
 /// Largest gain that is not a slip of the finger.
 const LARGEST_GAIN: f32 = 100.0;
 
@@ -27,7 +30,10 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
         return Err(UsageError(format!("--gain is {}; write a number between -100 and 100", args.gain)).into());
     }
     let bundle = Bundle::read(&args.bundle)?;
-    let beta = shape("--shape", args.shape.as_deref(), &bundle)?;
+    let mut beta = shape("--shape", args.shape.as_deref(), &bundle)?;
+    if let Some(bmi) = args.bmi {
+        beta = of_weight(&beta, bmi, &bundle)?;
+    }
     let flesh = match &args.flesh {
         Some(text) => shape("--flesh", Some(text), &bundle)?,
         None => beta.clone(),
@@ -36,6 +42,7 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
         Some(path) => Some(rest_mesh(path, &bundle.body)?),
         None => args.flesh.as_ref().map(|_| bundle.body.shaped(&beta).vertices),
     };
+    say_where_it_lies(&bundle, &flesh, &terminal);
     let mut player = Player::new(&bundle, &flesh)?;
     player.set_controls(&controls(args, &bundle.body)?).map_err(asked)?;
     player.show_on(shown).map_err(asked)?;
@@ -56,7 +63,7 @@ fn shape(option: &str, text: Option<&str>, bundle: &Bundle) -> Result<Vec<f32>> 
     let Some(text) = text else { return Ok(vec![0.0; bundle.body.shape_count()]) };
     let beta = text
         .split(',')
-        .map(|b| b.trim().parse::<f32>().ok().filter(|b| b.is_finite() && b.abs() <= 10.0))
+        .map(|b| b.trim().parse::<f32>().ok().filter(|b| b.is_finite() && b.abs() <= LARGEST_COEFFICIENT))
         .collect::<Option<Vec<f32>>>()
         .ok_or_else(|| {
             UsageError(format!("{option} {text:?}: write numbers between -10 and 10, separated by commas"))
@@ -66,6 +73,28 @@ fn shape(option: &str, text: Option<&str>, bundle: &Bundle) -> Result<Vec<f32>> 
         return Err(UsageError(format!("{option} has {given} numbers, but the body has {has}; leave some out")).into());
     }
     Ok(beta)
+}
+
+/// The shape of somebody of another body mass index and the same height.
+fn of_weight(beta: &[f32], bmi: f32, bundle: &Bundle) -> Result<Vec<f32>> {
+    let other = BodyBuild::fit(&bundle.body).at_bmi(beta, bmi).map_err(|e| UsageError(format!("--bmi {bmi}: {e}")))?;
+    if other.iter().any(|b| b.abs() > LARGEST_COEFFICIENT) {
+        let message = format!("--bmi {bmi}: the body has no such shape at this height; ask for less change");
+        return Err(UsageError(message).into());
+    }
+    Ok(other)
+}
+
+/// Whom a mixture of people does not reach, it cannot move.
+fn say_where_it_lies(bundle: &Bundle, beta: &[f32], monitor: &dyn Monitor) {
+    let Some(model) = bundle.model.autoregressive() else { return };
+    let (bmi, (low, high)) = (model.build.bmi(beta), model.bmi_range());
+    if !(low..=high).contains(&bmi) {
+        monitor.say(&format!(
+            "a body mass index of {bmi:.1} lies outside the {low:.1} to {high:.1} of the people that the bundle knows: its \
+             flesh moves like theirs at the nearer end"
+        ));
+    }
 }
 
 fn motion(args: &AnimateArgs, bundle: &Bundle, beta: &[f32]) -> Result<MotionClip> {

@@ -180,20 +180,32 @@ fn plan(config: &Config, provenance: &Provenance, out: &Path) -> Result<()> {
     }
     crate::print_line(&format!("  fit: {:?}, {:?}", config.fit.solver, config.fit.objective));
     crate::print_line(&format!("  method: {}", config.method_name()));
-    let own = &config.casas_otaduy;
-    let (sizes, subspace_steps, latents, steps) = match config.method {
-        Method::CasasOtaduy => (&own.sizes, own.autoencoder.steps, own.latents, own.regressor.steps),
-        Method::Softtissue | Method::Softsmpl => {
-            let (subspace, regressor) = (&config.subspace, &config.regressor);
-            (&subspace.sizes, subspace.training.steps, regressor.latents, regressor.training.steps)
-        }
-    };
-    crate::print_line(&format!("  subspaces: {sizes:?}, {subspace_steps} steps each"));
-    crate::print_line(&format!("  regressor: {steps} steps on {latents} latent numbers"));
+    crate::print_line(&format!("  {}", method_plan(config)));
     if out.join("config.toml").exists() {
         return Err(UsageError(format!("{} holds a run already: pass --resume or another --out", out.display())).into());
     }
     Ok(())
+}
+
+/// What the method will learn, in a line.
+fn method_plan(config: &Config) -> String {
+    let (subspace, regressor) = (&config.subspace, &config.regressor);
+    let networks = |sizes: &[usize], each: u64, latents: usize, steps: u64| {
+        format!("subspaces: {sizes:?}, {each} steps each; regressor: {steps} steps on {latents} latent numbers")
+    };
+    let shared = |steps| networks(&subspace.sizes, subspace.training.steps, regressor.latents, steps);
+    match config.method {
+        Method::Softtissue => shared(regressor.training.steps),
+        Method::Softsmpl => shared(config.softsmpl.training.steps),
+        Method::CasasOtaduy => {
+            let own = &config.casas_otaduy;
+            networks(&own.sizes, own.autoencoder.steps, own.latents, own.regressor.steps)
+        }
+        Method::Dyna => {
+            let own = &config.dyna;
+            format!("order {}, at most {} components, tau {}", own.order, own.components, own.tau)
+        }
+    }
 }
 
 /// An animation of the heaviest subject in a motion that training has not seen.

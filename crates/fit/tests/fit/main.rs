@@ -5,3 +5,4 @@ mod left_out;
 mod recovery;
 mod refusals;
 mod scans;
+mod triangles;

@@ -6,20 +6,8 @@ use faer::linalg::solvers::Solve;
 use faer::{Accum, Mat, Par, Side};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use softtissue_bundle::Matrix;
+use softtissue_bundle::Ar2;
 use softtissue_bundle::descriptor::FeatureScaling;
-
-/// Second-order linear autoregression with exogenous input (Dyna, Pons-Moll et al. 2015, eq. 20): each coefficient by
-/// itself, `c_t = a_1 c_{t-1} + a_2 c_{t-2} + w . x_t + b`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Ar2 {
-    /// `a_1, a_2` of each coefficient, `[K, 2]`.
-    pub lags: Matrix,
-    /// `w`, `[K, D]`, on scaled features.
-    pub weight: Matrix,
-    /// `b`, `[K]`.
-    pub bias: Vec<f32>,
-}
 
 /// How autoregressions are fitted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,6 +25,15 @@ impl Default for Ar2Config {
     }
 }
 
+impl Ar2Config {
+    pub(super) fn check(&self) -> Result<(), ModelError> {
+        if self.pole_radius > 0.0 && self.pole_radius < 1.0 {
+            return Ok(());
+        }
+        Err(ModelError::Config(format!("pole_radius is {}, expected between 0 and 1", self.pole_radius)))
+    }
+}
+
 /// Fits one autoregression to `train` and chooses the ridge strength by the soft ratio of free rollouts on `validation`.
 /// `rest` are the coefficients of a zero delta, where rollouts start.
 pub fn fit_ar2(
@@ -47,13 +44,11 @@ pub fn fit_ar2(
     validation: &[&TrainingClip],
     score: &SoftScore,
 ) -> Result<Selected<Ar2>, ModelError> {
-    if !(config.pole_radius > 0.0 && config.pole_radius < 1.0) {
-        return Err(ModelError::Config(format!("pole_radius is {}, expected between 0 and 1", config.pole_radius)));
-    }
+    config.check()?;
     let moments = Moments::new(scaling, train)?;
     let held: Vec<Vec<f32>> = validation.par_iter().map(|c| scaling.apply_clip(&c.features)).collect();
     let (model, strength, score, tried) = select(&config.strengths, |strength| {
-        let model = moments.solve(strength, config.pole_radius)?;
+        let model = moments.solve(strength, Lags::Two { radius: config.pole_radius })?;
         let clips: Vec<Score> = validation
             .par_iter()
             .zip(&held)
@@ -64,30 +59,9 @@ pub fn fit_ar2(
     Ok(Selected { model, strength, score, tried })
 }
 
-impl Ar2 {
-    /// Free rollout over scaled features `[T, D]` from `rest`, to coefficients `[T, K]`.
-    pub fn rollout(&self, scaled: &[f32], rest: &[f32]) -> Vec<f32> {
-        let (k, d) = (self.bias.len(), self.weight.cols());
-        let frames = scaled.len() / d.max(1);
-        let mut out = vec![0.0; frames * k];
-        let (mut last, mut before) = (rest.to_vec(), rest.to_vec());
-        let mut driven = vec![0.0; k];
-        for (x, y) in scaled.chunks_exact(d.max(1)).zip(out.chunks_exact_mut(k.max(1))) {
-            self.weight.times(x, &mut driven);
-            for i in 0..k {
-                let a = self.lags.row(i);
-                y[i] = a[0] * last[i] + a[1] * before[i] + driven[i] + self.bias[i];
-            }
-            before.copy_from_slice(&last);
-            last.copy_from_slice(y);
-        }
-        out
-    }
-}
-
 /// Sums over the training frames from which every strength is solved: features against features and against the
 /// coefficients now, one and two frames before; all centred.
-struct Moments {
+pub(super) struct Moments {
     features: Mat<f64>,
     /// `[D, 3 K]`: now, one before, two before.
     cross: Mat<f64>,
@@ -96,10 +70,24 @@ struct Moments {
     mean_feature: Vec<f64>,
     /// `[3 K]`.
     mean_target: Vec<f64>,
+    /// Frames, or their weights summed.
+    frames: f64,
+}
+
+/// What a solved model remembers of its own output.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Lags {
+    /// Nothing: order zero.
+    None,
+    /// Two frames, poles within a radius.
+    Two {
+        /// Below 1.
+        radius: f64,
+    },
 }
 
 impl Moments {
-    fn new(scaling: &FeatureScaling, clips: &[&TrainingClip]) -> Result<Self, ModelError> {
+    pub(super) fn new(scaling: &FeatureScaling, clips: &[&TrainingClip]) -> Result<Self, ModelError> {
         let first =
             clips.first().ok_or_else(|| ModelError::Data("an autoregression needs at least one clip".into()))?;
         let (d, k) = (scaling.len(), first.coefficient_count());
@@ -137,12 +125,65 @@ impl Moments {
                 }
             }
         }
-        Ok(Self { features: gram, cross, own, mean_feature, mean_target })
+        Ok(Self { features: gram, cross, own, mean_feature, mean_target, frames: rows as f64 })
+    }
+
+    /// Frames behind the sums.
+    pub(super) fn frames(&self) -> f64 {
+        self.frames
+    }
+
+    /// The sums over several data sets, every frame of a set weighed by its factor. Panics without a set.
+    pub(super) fn weighted(parts: &[(f64, &Self)]) -> Self {
+        let (d, k) = (parts[0].1.mean_feature.len(), parts[0].1.own.len());
+        let frames: f64 = parts.iter().map(|(factor, m)| factor * m.frames).sum();
+        let mut sum = Self {
+            features: Mat::zeros(d, d),
+            cross: Mat::zeros(d, 3 * k),
+            own: vec![[[0.0; 3]; 3]; k],
+            mean_feature: vec![0.0; d],
+            mean_target: vec![0.0; 3 * k],
+            frames,
+        };
+        for (factor, part) in parts {
+            let share = factor * part.frames / frames;
+            sum.mean_feature.iter_mut().zip(&part.mean_feature).for_each(|(s, m)| *s += share * m);
+            sum.mean_target.iter_mut().zip(&part.mean_target).for_each(|(s, m)| *s += share * m);
+        }
+        for (factor, part) in parts {
+            sum.add_about_mean(*factor, part);
+        }
+        sum
+    }
+
+    /// Adds another's sums, `factor` times, moved from its own mean to this one's.
+    fn add_about_mean(&mut self, factor: f64, part: &Self) {
+        let offset = |own: &[f64], other: &[f64]| own.iter().zip(other).map(|(m, p)| p - m).collect::<Vec<f64>>();
+        let x = offset(&self.mean_feature, &part.mean_feature);
+        let c = offset(&self.mean_target, &part.mean_target);
+        let (k, n) = (self.own.len(), part.frames);
+        for j in 0..x.len() {
+            for i in 0..x.len() {
+                self.features[(i, j)] += factor * (part.features[(i, j)] + n * x[i] * x[j]);
+            }
+        }
+        for j in 0..c.len() {
+            for i in 0..x.len() {
+                self.cross[(i, j)] += factor * (part.cross[(i, j)] + n * x[i] * c[j]);
+            }
+        }
+        for o in 0..k {
+            for i in 0..3 {
+                for j in 0..3 {
+                    self.own[o][i][j] += factor * (part.own[o][i][j] + n * c[i * k + o] * c[j * k + o]);
+                }
+            }
+        }
     }
 
     /// Eliminates the weights from each coefficient's normal equations, solves the two lags, moves their poles inside
     /// the radius and puts the weights back for the lags as they then are.
-    fn solve(&self, strength: f64, radius: f64) -> Result<Ar2, ModelError> {
+    pub(super) fn solve(&self, strength: f64, lags: Lags) -> Result<Ar2, ModelError> {
         let (d, k) = (self.mean_feature.len(), self.own.len());
         let trace: f64 = (0..d).map(|i| self.features[(i, i)]).sum();
         let mut damped = self.features.clone();
@@ -151,25 +192,13 @@ impl Moments {
             .llt(Side::Lower)
             .map_err(|_| ModelError::Data(format!("the autoregression is singular at strength {strength}: raise it")))?
             .solve(&self.cross);
-        let mut model = Ar2 { lags: Matrix::zeros(k, 2), weight: Matrix::zeros(k, d), bias: vec![0.0; k] };
+        let mut model = Ar2::zeros(k, d);
         for o in 0..k {
             let column = |lag: usize| lag * k + o;
-            let left = |i: usize, j: usize| {
-                let explained: f64 =
-                    self.cross.col(column(i)).iter().zip(solved.col(column(j)).iter()).map(|(p, s)| p * s).sum();
-                self.own[o][i][j] - explained
+            let (a1, a2) = match lags {
+                Lags::None => (0.0, 0.0),
+                Lags::Two { radius } => self.lags(o, &solved, radius),
             };
-            let (m11, m12, m22, r1, r2) = (left(1, 1), left(1, 2), left(2, 2), left(0, 1), left(0, 2));
-            // A coefficient that never moved has no lags to learn.
-            let floor = 1e-9 * (m11 + m22) + f64::MIN_POSITIVE;
-            let (m11, m22) = (m11 + floor, m22 + floor);
-            let determinant = m11 * m22 - m12 * m12;
-            let (a1, a2) = if determinant > 0.0 {
-                ((m22 * r1 - m12 * r2) / determinant, (m11 * r2 - m12 * r1) / determinant)
-            } else {
-                (0.0, 0.0)
-            };
-            let (a1, a2) = stable(a1, a2, radius);
             let mut bias =
                 self.mean_target[column(0)] - a1 * self.mean_target[column(1)] - a2 * self.mean_target[column(2)];
             for i in 0..d {
@@ -181,6 +210,24 @@ impl Moments {
             model.bias[o] = bias as f32;
         }
         Ok(model)
+    }
+
+    /// The two lags of coefficient `o`; `solved` are the weights that explain each lag by the features alone.
+    fn lags(&self, o: usize, solved: &Mat<f64>, radius: f64) -> (f64, f64) {
+        let column = |lag: usize| lag * self.own.len() + o;
+        let left = |i: usize, j: usize| {
+            let pairs = self.cross.col(column(i)).iter().zip(solved.col(column(j)).iter());
+            self.own[o][i][j] - pairs.map(|(p, s)| p * s).sum::<f64>()
+        };
+        let (m11, m12, m22, r1, r2) = (left(1, 1), left(1, 2), left(2, 2), left(0, 1), left(0, 2));
+        // A coefficient that never moved has no lags to learn.
+        let floor = 1e-9 * (m11 + m22) + f64::MIN_POSITIVE;
+        let (m11, m22) = (m11 + floor, m22 + floor);
+        let determinant = m11 * m22 - m12 * m12;
+        if determinant <= 0.0 {
+            return (0.0, 0.0);
+        }
+        stable((m22 * r1 - m12 * r2) / determinant, (m11 * r2 - m12 * r1) / determinant, radius)
     }
 }
 
@@ -263,7 +310,7 @@ mod tests {
             scale: vec![1.0; 3],
         };
         let references: Vec<&TrainingClip> = clips.iter().collect();
-        let model = Moments::new(&scaling, &references).unwrap().solve(1e-9, 0.995).unwrap();
+        let model = Moments::new(&scaling, &references).unwrap().solve(1e-9, Lags::Two { radius: 0.995 }).unwrap();
         for o in 0..k {
             for i in 0..2 {
                 assert!((model.lags.row(o)[i] - lags[o][i]).abs() < 1e-3, "{:?}", model.lags);

@@ -1,9 +1,8 @@
-use super::ar2::Ar2;
 use super::ladder::{Ladder, LadderModel, Rule};
 use crate::{ModelError, plain};
 use serde::{Deserialize, Serialize};
 use softtissue_bundle::descriptor::{DescriptorConfig, FeatureScaling};
-use softtissue_bundle::{DeltaBasis, Matrix, Resonator, ResonatorBank};
+use softtissue_bundle::{Ar2, DeltaBasis, Matrix, Resonator, ResonatorBank};
 use softtissue_store::{StoreError, TensorFile, TensorFileWriter};
 use std::path::Path;
 

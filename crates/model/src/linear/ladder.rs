@@ -1,12 +1,12 @@
-use super::ar2::{Ar2, Ar2Config, fit_ar2};
+use super::ar2::{Ar2Config, fit_ar2};
 use super::readout::{ReadoutConfig, Selected, fit_readout};
 use super::score::{Score, SoftScore};
 use crate::{ModelError, Predictor, TrainingClip, deltas_of, plain};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use softtissue_body::BodyModel;
-use softtissue_bundle::DeltaBasis;
 use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig, FeatureBlock, FeatureKind, FeatureScaling};
+use softtissue_bundle::{Ar2, DeltaBasis};
 use softtissue_geometry::Frames;
 
 /// The closed-form models and the basis that they predict in.
@@ -106,7 +106,7 @@ impl Ladder {
         dyna: FeatureSet,
     ) -> Result<(Self, Vec<LadderScore>), ModelError> {
         let measure = SoftScore::new(basis, body);
-        let rest = rest_coefficients(basis);
+        let rest = basis.rest_coefficients();
         let mut ladder = Self { basis: basis.clone(), models: vec![] };
         let mut scores = Vec::new();
         let mut add = |name: &str, descriptor: Option<&DescriptorConfig>, rule: Rule, chosen: Option<(f64, Score)>| {
@@ -147,13 +147,6 @@ impl Ladder {
     }
 }
 
-/// Coefficients of a zero delta, where every rollout starts.
-pub fn rest_coefficients(basis: &DeltaBasis) -> Vec<f32> {
-    let mut rest = vec![0.0; basis.directions.rows()];
-    basis.directions.times(&basis.mean, &mut rest);
-    rest.iter().zip(&basis.coefficient_mean).map(|(r, m)| -r - m).collect()
-}
-
 struct AutoRegressions {
     scaling: FeatureScaling,
     pooled: Selected<Ar2>,
@@ -188,7 +181,7 @@ fn clips_of<'a>(clips: &'a [TrainingClip], subject: Option<&str>) -> Vec<&'a Tra
     clips.iter().filter(|c| subject.is_none_or(|s| c.id.subject == s)).collect()
 }
 
-fn subjects_of(clips: &[TrainingClip]) -> Vec<String> {
+pub(super) fn subjects_of(clips: &[TrainingClip]) -> Vec<String> {
     let mut names: Vec<String> = clips.iter().map(|c| c.id.subject.clone()).collect();
     names.sort();
     names.dedup();
@@ -241,7 +234,7 @@ impl LadderPredictor<'_> {
     /// Coefficients `[T, K]` for a motion's features `[T, D]` (empty for rungs that do not look).
     pub fn coefficients(&self, subject: &str, beta: &[f32], features: &[f32], frames: usize) -> Vec<f32> {
         match &self.model.rule {
-            Rule::Body => rest_coefficients(self.basis).repeat(frames),
+            Rule::Body => self.basis.rest_coefficients().repeat(frames),
             Rule::Mean { subjects, pooled } => of_subject(subjects, subject).unwrap_or(pooled).repeat(frames),
             Rule::Readout(regressor) => {
                 let size = regressor.input.input_size;
@@ -255,7 +248,7 @@ impl LadderPredictor<'_> {
             }
             Rule::Ar2 { scaling, subjects, pooled } => {
                 let model = of_subject(subjects, subject).unwrap_or(pooled);
-                model.rollout(&scaling.apply_clip(features), &rest_coefficients(self.basis))
+                model.rollout(&scaling.apply_clip(features), &self.basis.rest_coefficients())
             }
         }
     }

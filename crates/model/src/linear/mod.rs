@@ -3,6 +3,9 @@
 //! errors are those of vertices. Ridge strengths are chosen on validation clips by free rollout.
 
 mod ar2;
+mod dyna;
+#[cfg(test)]
+mod dyna_tests;
 mod file;
 mod ladder;
 mod readout;
@@ -11,10 +14,8 @@ mod solve;
 #[cfg(test)]
 mod tests;
 
-pub use ar2::{Ar2, Ar2Config, fit_ar2};
-pub use ladder::{
-    FeatureSet, Ladder, LadderConfig, LadderModel, LadderPredictor, LadderScore, Rule, dyna_descriptor,
-    rest_coefficients,
-};
+pub use ar2::{Ar2Config, fit_ar2};
+pub use dyna::{DynaConfig, fit_dyna};
+pub use ladder::{FeatureSet, Ladder, LadderConfig, LadderModel, LadderPredictor, LadderScore, Rule, dyna_descriptor};
 pub use readout::{ReadoutConfig, Selected, fit_readout};
 pub use score::{Score, SoftScore};
