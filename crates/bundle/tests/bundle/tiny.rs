@@ -209,7 +209,7 @@ pub fn recurrent_of(bundle: &mut Bundle) -> &mut RecurrentModel {
 /// The same body with a mixture of three people of random dynamics on 7 components, poles inside 0.9.
 pub fn autoregressive() -> Bundle {
     let mut bundle = bundle(Parts { features: FeatureKind::Pose, ..Parts::default() });
-    let RecurrentModel { regressor, subspace } = recurrent_of(&mut bundle).clone();
+    let RecurrentModel { regressor, subspace, .. } = recurrent_of(&mut bundle).clone();
     let (input, basis) = (regressor.input, subspace.basis);
     let (k, d) = (basis.directions.rows(), input.len());
     let mut draws = Numbers(Draws::new(12, "tiny people", 0, 0));
