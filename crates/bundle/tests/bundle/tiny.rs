@@ -1,5 +1,7 @@
 use glam::{Vec2, Vec3};
-use softtissue_body::{BodyBuild, BodyModel, JointRegressor, Mirror, Region, RegionMap, Skeleton, SkinWeights, UvAtlas};
+use softtissue_body::{
+    BodyBuild, BodyModel, JointRegressor, Mirror, Region, RegionMap, Skeleton, SkinWeights, UvAtlas,
+};
 use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig, FeatureKind, FeatureScaling};
 use softtissue_bundle::*;
 use softtissue_geometry::{Frames, Topology};

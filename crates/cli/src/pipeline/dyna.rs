@@ -37,7 +37,8 @@ pub fn learn_dyna(context: &Context, place: &Place, material: &Material) -> Resu
     })?;
     for (order, fitted) in [(config.order, &whole), (order, &other)] {
         let (ratio, energy) = (fitted.score.ratio(), fitted.score.energy());
-        let tried: Vec<_> = fitted.tried.iter().map(|(s, score)| json!({"strength": s, "soft_ratio": score.ratio()})).collect();
+        let tried: Vec<_> =
+            fitted.tried.iter().map(|(s, score)| json!({"strength": s, "soft_ratio": score.ratio()})).collect();
         context.log.event(json!({"event": "dyna", "order": order, "strength": fitted.strength, "soft_ratio": ratio,
             "energy": energy, "tried": tried}))?;
     }

@@ -1,7 +1,7 @@
 //! `train`: the whole job.
 
 use crate::args::TrainArgs;
-use crate::config::Config;
+use crate::config::{Config, Method};
 use crate::exit::UsageError;
 use crate::pipeline::{
     BundleMethod, Context, Judgement, Learned, Prepared, heaviest, judge_run, learn, needs_test_clips, open, prepare,
@@ -19,6 +19,7 @@ use softtissue_bundle::Player;
 use softtissue_clips::Split;
 use softtissue_eval::Metrics;
 use softtissue_export::{Animation, GltfConfig, write_gltf};
+use softtissue_model::linear::DynaConfig;
 use softtissue_monitor::Monitor;
 use softtissue_store::{StoreError, read_json, write_json_atomic};
 use softtissue_train::TrainError;
@@ -179,14 +180,19 @@ fn plan(config: &Config, provenance: &Provenance, out: &Path) -> Result<()> {
         )),
     }
     crate::print_line(&format!("  fit: {:?}, {:?}", config.fit.solver, config.fit.objective));
-    crate::print_line(&format!(
-        "  subspaces: {:?}, {} steps each",
-        config.subspace.sizes, config.subspace.training.steps
-    ));
-    crate::print_line(&format!(
-        "  regressor: {} steps on {} latent numbers",
-        config.regressor.training.steps, config.regressor.latents
-    ));
+    match config.method {
+        Method::Softtissue | Method::Softsmpl => {
+            let (subspace, regressor) = (&config.subspace, &config.regressor);
+            let steps = subspace.training.steps;
+            crate::print_line(&format!("  subspaces: {:?}, {steps} steps each", subspace.sizes));
+            let (steps, latents) = (regressor.training.steps, regressor.latents);
+            crate::print_line(&format!("  regressor: {steps} steps on {latents} latent numbers"));
+        }
+        Method::Dyna => {
+            let DynaConfig { order, components, tau, .. } = config.dyna;
+            crate::print_line(&format!("  dyna: order {order}, at most {components} components, tau {tau}"));
+        }
+    }
     if out.join("config.toml").exists() {
         return Err(UsageError(format!("{} holds a run already: pass --resume or another --out", out.display())).into());
     }

@@ -108,7 +108,9 @@ impl People {
                 let own: Vec<&TrainingClip> = train.iter().filter(|c| c.id.subject == name).collect();
                 let bmi = build.bmi(own.first().map_or(&[], |c| &c.beta));
                 if !(bmi.is_finite() && bmi > 0.0) {
-                    return Err(ModelError::Data(format!("{name}'s shape has a body mass index of {bmi}; fit it again")));
+                    return Err(ModelError::Data(format!(
+                        "{name}'s shape has a body mass index of {bmi}; fit it again"
+                    )));
                 }
                 Ok((name, bmi, Moments::new(input, &own)?))
             })

@@ -5,8 +5,8 @@ use crate::{ModelError, Predictor, TrainingClip, deltas_of, plain};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use softtissue_body::BodyModel;
-use softtissue_bundle::{Ar2, DeltaBasis};
 use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig, FeatureBlock, FeatureKind, FeatureScaling};
+use softtissue_bundle::{Ar2, DeltaBasis};
 use softtissue_geometry::Frames;
 
 /// The closed-form models and the basis that they predict in.

@@ -16,8 +16,6 @@ mod tests;
 
 pub use ar2::{Ar2Config, fit_ar2};
 pub use dyna::{DynaConfig, fit_dyna};
-pub use ladder::{
-    FeatureSet, Ladder, LadderConfig, LadderModel, LadderPredictor, LadderScore, Rule, dyna_descriptor,
-};
+pub use ladder::{FeatureSet, Ladder, LadderConfig, LadderModel, LadderPredictor, LadderScore, Rule, dyna_descriptor};
 pub use readout::{ReadoutConfig, Selected, fit_readout};
 pub use score::{Score, SoftScore};
