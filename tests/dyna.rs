@@ -101,6 +101,14 @@ fn weight_is_asked_for_by_its_index() {
 }
 
 #[test]
+fn a_dry_run_says_what_of_dyna_would_be_learned() {
+    let mut train = tiny_train(&tiny_run().config, &folder("dyna-dry").join("run"));
+    train.args(["--set", "method=dyna", "--set", "dyna.tau=3.5", "--dry-run"]);
+    let said = Said::of(&train.output().expect("the command starts"));
+    assert!(said.fine().out.contains("tau 3.5") && !said.out.contains("latent"), "{}", said.out);
+}
+
+#[test]
 fn settings_that_dyna_cannot_be_learned_with_are_refused() {
     let run = folder("dyna-refused").join("run");
     for (setting, says) in [

@@ -73,7 +73,7 @@ impl BodyBuild {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let (ww, wh, hh) = (dot(&weight, &weight), dot(&weight, &height), dot(&height, &height));
         let determinant = ww * hh - wh * wh;
-        if !(determinant > 1e-9 * ww * hh) {
+        if determinant.is_nan() || determinant <= 1e-9 * ww * hh {
             return refuse("its shape space does not vary weight and height apart".into());
         }
         let wanted = (f64::from(bmi) * f64::from(self.height(beta)).powi(2)).cbrt();

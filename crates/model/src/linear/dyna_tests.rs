@@ -94,7 +94,6 @@ fn weighted_risk_and_mixture_match_the_numpy_reference() {
         let config =
             DynaConfig { order, tau: number(&golden["tau"]), ..at_strength(golden["strength"].as_f64().unwrap()) };
         let model = fitted(&config, &clips).unwrap();
-        assert_eq!(model.check(), Ok(()));
         let expected = &golden[format!("order_{order}")];
         for (i, person) in model.people.iter().enumerate() {
             let dynamics = &expected["people"][i];
@@ -186,7 +185,6 @@ fn the_mixture_follows_the_index_and_stays_inside_the_people() {
     close("wide", &fitted(&config(1e4), &clips).unwrap().weights(25.0), &[1.0 / 3.0; 3], 1e-3);
     let narrow = fitted(&config(0.01), &clips).unwrap();
     close("narrow", &narrow.weights(bmi[1]), &[0.0, 1.0, 0.0], 1e-6);
-    // Somebody whose index is no number moves like nobody in particular, but moves.
     let build = BodyBuild::fit(&body());
     let heavier = build.at_bmi(&[0.0, 0.0], high).unwrap();
     close("a wanted index", &model.weights(build.bmi(&heavier)), &model.weights(high), 1e-4);
@@ -230,7 +228,7 @@ fn settings_and_data_that_give_no_model_are_refused_in_one_sentence() {
     refuse(DynaConfig { ar2: Ar2Config { strengths: vec![], ..Ar2Config::default() }, ..own() }, "dyna.ar2.strengths");
     refuse(at_strength(-1.0), "strength");
     refuse(DynaConfig { ar2: Ar2Config { pole_radius: 1.0, ..Ar2Config::default() }, ..own() }, "pole_radius");
-    let nobody = clip("a", &[0.0, 20.0], vec![1.0, -1.0, 0.5, 0.2, 1.0], vec![1.0; 5], 5);
+    let nobody = clip("a", &[0.0, 40.0], vec![1.0, -1.0, 0.5, 0.2, 1.0], vec![1.0; 5], 5);
     let message = fitted(&own(), &[nobody]).expect_err("a negative weight").to_string();
     assert!(message.contains("body mass index"), "{message}");
 }
