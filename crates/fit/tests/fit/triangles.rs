@@ -170,9 +170,10 @@ fn a_fit_set_through_the_triangle_form() {
     let truth = Truth { beta: vec![0.5, -1.0], detail: vec![Vec3::ZERO; body.vertex_count()], body };
     let id = ClipId::new("a", "walk", 0);
     let dir = tempfile::tempdir().unwrap();
-    let scans = truth.write(&dir.path().join("scans"), &[id.clone()], &recipe);
+    let scans = truth.write(&dir.path().join("scans"), std::slice::from_ref(&id), &recipe);
     let fitted = |name: &str, config: FitConfig| {
-        fit_set(&scans, &all_train(&[id.clone()]), &truth.body, &config, &dir.path().join(name), &Silent).unwrap()
+        fit_set(&scans, &all_train(std::slice::from_ref(&id)), &truth.body, &config, &dir.path().join(name), &Silent)
+            .unwrap()
     };
     let plain = fitted("vertices", FitConfig::default());
     let triangles = |smoothness| FitConfig {

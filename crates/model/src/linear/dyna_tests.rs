@@ -195,7 +195,7 @@ fn the_mixture_follows_the_index_and_stays_inside_the_people() {
 fn a_mixture_of_stable_people_is_stable() {
     let mut draws = Draws::new(3, "mixed poles", 0, 0);
     let lags = |draws: &mut Draws| {
-        let (radius, angle) = (0.995 * draws.uniform().sqrt(), draws.range(0.0, 3.14159));
+        let (radius, angle) = (0.995 * draws.uniform().sqrt(), draws.range(0.0, std::f64::consts::PI));
         if draws.uniform() < 0.5 {
             (2.0 * radius * angle.cos(), -radius * radius)
         } else {
