@@ -35,7 +35,7 @@ fn a_step_allocates_nothing() {
     for parts in [
         tiny::Parts::default(),
         tiny::Parts { look_ahead: 3, ..Default::default() },
-        tiny::Parts { features: disentangled, bank: false, ..Default::default() },
+        tiny::Parts { features: disentangled, ..Default::default() },
     ] {
         let bundle = tiny::bundle(parts);
         let mut player = Player::new(&bundle, &[0.5]).unwrap();
