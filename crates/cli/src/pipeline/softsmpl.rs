@@ -126,8 +126,8 @@ fn describe(
     Ok((descriptor, Clips { train, validation }))
 }
 
-/// A regressor for each person of the training clips, from that person's clips alone. Who has no clip among those that
-/// select is judged by the clips that train.
+/// A regressor for each person of the training clips, from that person's clips alone. It is to play the same motions as
+/// others do them, so it is the clips that train that choose its state, not motions that it will never be asked for.
 fn learn_people<'a>(
     context: &Context,
     place: &Place,
@@ -140,10 +140,8 @@ fn learn_people<'a>(
     people.sort_unstable();
     people.dedup();
     let learn = |person: &str| {
-        let of = |clips: &[TrainingClip]| clips.iter().filter(|c| c.id.subject == person).cloned().collect::<Vec<_>>();
-        let train = of(&clips.train);
-        let selection = of(&clips.validation);
-        let validation = if selection.is_empty() { train.clone() } else { selection };
+        let train: Vec<TrainingClip> = clips.train.iter().filter(|c| c.id.subject == person).cloned().collect();
+        let validation = train.clone();
         let beta = train[0].beta.clone();
         let name = format!("{REGRESSOR}-of-{person}");
         let regressor = train_linear(context, place, &name, &training, &inputs(Clips { train, validation }))?;

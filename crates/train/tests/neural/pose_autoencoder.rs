@@ -97,8 +97,8 @@ fn poses(name: &str, count: usize) -> PoseFrames {
 
 fn trainee() -> PoseTrainee {
     let config = PoseTraining {
-        network: PoseAutoencoderConfig { latents: LATENTS, width: 16, hidden: 2 },
-        epochs: 30,
+        network: PoseAutoencoderConfig { latents: LATENTS, width: 32, hidden: 2 },
+        epochs: 60,
         batch: 64,
         learning_rate: 5e-3,
         ..PoseTraining::default()
@@ -117,9 +117,9 @@ fn run(trainee: &mut PoseTrainee, steps: std::ops::Range<u64>) {
 #[test]
 fn it_learns_what_moves_the_mesh_and_forgets_what_does_not() {
     let mut trainee = trainee();
-    assert_eq!(trainee.steps(), 300);
+    assert_eq!(trainee.steps(), 600);
     let before = trainee.validate().expect("validation");
-    run(&mut trainee, 0..300);
+    run(&mut trainee, 0..600);
     let after = trainee.validate().expect("validation");
     assert!(after < 0.2 * before, "{after} of {before}");
     // p hardly follows the three angles that move nothing
