@@ -79,7 +79,7 @@ part_ablations() {
         train "softsmpl-$name" --set method=softsmpl $(ablation "$name")
         others+=(--against "$(run_of "softsmpl-$name")")
     done
-    train dyna-zero-order --set method=dyna --set dyna.memory=false
+    train dyna-zero-order --set method=dyna --set dyna.order=0
     others+=(--against "$(run_of dyna-zero-order)" --against "$(run_of dyna)")
     train softsmpl --set method=softsmpl
     train dyna --set method=dyna
