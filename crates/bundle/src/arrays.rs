@@ -1,5 +1,6 @@
 use crate::descriptor::{FeatureScaling, PoseEncoder};
-use crate::feedback::{FeedbackModel, FeedbackPerson, Limits as Range};
+use crate::feedback::{FeedbackModel, FeedbackPerson};
+use crate::limits::Limits as Range;
 use crate::manifest::{AutoregressiveForm, FeedbackForm, ModelForm, PersonForm, RecurrentForm};
 use crate::{
     Ar2, AutoregressiveModel, BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model, PersonDynamics,

@@ -13,6 +13,7 @@ pub mod descriptor;
 mod error;
 mod feedback;
 mod file;
+mod limits;
 mod manifest;
 mod matrix;
 mod model;
@@ -28,8 +29,9 @@ pub use autoregressive::{Ar2, AutoregressiveModel, AutoregressiveState, PersonDy
 pub use bundle::{Bundle, BundleInfo, SelfCheck};
 pub use controls::{Control, Controls};
 pub use error::BundleError;
-pub use feedback::{FeedbackModel, FeedbackPerson, FeedbackState, Limits};
+pub use feedback::{FeedbackModel, FeedbackPerson, FeedbackState};
 pub use file::MANIFEST_FILE;
+pub use limits::Limits;
 pub use manifest::FORMAT_VERSION;
 pub use matrix::Matrix;
 pub use model::{Model, ModelState, RecurrentModel, RecurrentState};

@@ -268,6 +268,7 @@ impl Config {
                 ));
             }
         }
+        within("casas_otaduy.regressor.dropout", regressor.dropout, 0.0..=0.99)?;
         within("casas_otaduy.regressor.latent_noise", regressor.latent_noise, 0.0..=100.0)?;
         within("casas_otaduy.regressor.pose_noise", regressor.pose_noise, 0.0..=100.0)?;
         within("casas_otaduy.regressor.own_latents", regressor.own_latents, 0.0..=1.0)?;

@@ -77,7 +77,7 @@ impl Dropout {
         Self { draws, rate, device: device.clone() }
     }
 
-    fn mask(&mut self, shape: [usize; 2]) -> Tensor<2> {
+    pub(crate) fn mask(&mut self, shape: [usize; 2]) -> Tensor<2> {
         let kept = (1.0 / (1.0 - self.rate)) as f32;
         // One draw of 64 bits serves four numbers of 16.
         let limit = (self.rate * 65536.0).round() as u64;

@@ -1,7 +1,7 @@
 //! The networks of Casas and Otaduy (2018), one person's: an autoencoder of deltas, and a regressor of deltas that is
 //! fed back through its encoder. All numbers in and out are standardised.
 
-use crate::{Standardisation, layer, plain};
+use crate::{Dropout, Standardisation, layer, plain};
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Device, Tensor, activation};
@@ -148,9 +148,13 @@ impl FeedbackRegressor {
         (inputs * outputs).isqrt().max(1)
     }
 
-    /// Deltas `[B, V * 3]` of `[B, inputs]`.
-    pub fn forward(&self, input: Tensor<2>) -> Tensor<2> {
-        self.output.forward(activation::relu(self.hidden.forward(input)))
+    /// Deltas `[B, V * 3]` of `[B, inputs]`; `dropout` falls on the hidden units.
+    pub fn forward(&self, input: Tensor<2>, dropout: Option<&mut Dropout>) -> Tensor<2> {
+        let hidden = activation::relu(self.hidden.forward(input));
+        self.output.forward(match dropout {
+            Some(dropout) => hidden.clone() * dropout.mask(hidden.dims()),
+            None => hidden,
+        })
     }
 
     /// Hidden and output layer as plain ones, on inputs that are not standardised yet, with outputs in metres.

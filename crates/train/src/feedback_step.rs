@@ -7,7 +7,7 @@ use burn::module::Module;
 use burn::tensor::Tensor;
 use serde::{Deserialize, Serialize};
 use softtissue_bundle::{FeedbackPerson, Limits};
-use softtissue_model::{FeedbackRegressor, Standardisation, ThreeLayers, host};
+use softtissue_model::{Dropout, FeedbackRegressor, Standardisation, ThreeLayers, host};
 use softtissue_random::Draws;
 
 /// How the regressor of Casas and Otaduy is trained.
@@ -25,10 +25,12 @@ pub struct FeedbackTraining {
     pub steps: u64,
     /// Frames in a batch, drawn anew for each step. Default 64; the paper gives none.
     pub batch: usize,
-    /// Learning rate at the start. Default 1e-3; the paper gives none but the autoencoder's.
+    /// Learning rate at the start. Default 5e-4; the paper gives none but the autoencoder's.
     pub learning_rate: f64,
     /// Whether the learning rate falls to zero by a cosine. Default true.
     pub decay: bool,
+    /// Probability of zeroing a hidden unit. Default 0.5; 0 as published.
+    pub dropout: f64,
     /// Standard deviation of the noise on each fed back latent number, in its own standard deviations. Default 0, as
     /// published.
     pub latent_noise: f64,
@@ -54,8 +56,9 @@ impl Default for FeedbackTraining {
             weighted: true,
             steps: 600,
             batch: 64,
-            learning_rate: 1e-3,
+            learning_rate: 5e-4,
             decay: true,
+            dropout: 0.5,
             latent_noise: 0.0,
             pose_noise: 1.5,
             own_latents: 1.0,
@@ -228,7 +231,7 @@ impl FeedbackTrainee {
                 self.push_poses(clip, t.min(clip.frames - 1), &mut input);
             }
             let width = input.len() / count;
-            let output = network.forward(tensor(input, [count, width], &self.stage.device));
+            let output = network.forward(tensor(input, [count, width], &self.stage.device), None);
             let mut codes = self.latents.apply(&host(self.ground.encoder.forward(output.clone())));
             if let Some(limits) = &self.latent_limits {
                 codes.chunks_exact_mut(latents).for_each(|z| {
@@ -305,7 +308,10 @@ impl Trainee for FeedbackTrainee {
         let (input, wanted) = self.batch(step);
         let width = input.len() / batch;
         let input: Tensor<2> = tensor(input, [batch, width], &self.stage.device.clone().autodiff());
-        let output = self.network.forward(input);
+        let masks = Draws::new(self.stage.seed, &format!("{}/dropout", self.stage.name), 0, step);
+        let mut dropout = (self.config.dropout > 0.0)
+            .then(|| Dropout::new(masks, self.config.dropout, &self.stage.device.clone().autodiff()));
+        let output = self.network.forward(input, dropout.as_mut());
         let (loss, gradient) = self.distance.value_and_gradient(&host(output.clone()), &wanted);
         let mut gradients = surrogate(output, gradient).backward();
         let gradients = module_gradients(&self.network, &mut gradients);
@@ -370,6 +376,9 @@ fn starts(clips: &[Prepared]) -> Vec<usize> {
 }
 
 fn check(config: &FeedbackTraining, ground: &FeedbackGround, clips: &Clips<Vec<FeedbackClip>>) -> Result<()> {
+    if !(0.0..1.0).contains(&config.dropout) {
+        return Err(TrainError::Config(format!("regressor: dropout {} is not in [0, 1)", config.dropout)));
+    }
     if config.batch == 0 || config.pose_history == 0 || clips.train.is_empty() || clips.validation.is_empty() {
         return Err(TrainError::Config(
             "regressor: training needs a batch and a pose history of at least 1 and at least one clip each to train and \

@@ -94,6 +94,7 @@ fn regressor_config(golden: &Value) -> FeedbackTraining {
         batch: number("batch") as usize,
         learning_rate: number("learning_rate"),
         decay: true,
+        dropout: 0.0,
         latent_noise: number("latent_noise"),
         pose_noise: number("pose_noise"),
         own_latents: number("own_latents"),
@@ -195,7 +196,8 @@ fn both_resume_to_the_same_bits() {
     resumes(&|| Box::new(autoencoder_like(&golden).0), 2);
     // At a renewal of the own latents, between two, and before the first.
     for cut in [1, 3, 4] {
-        resumes(&|| Box::new(regressor_like(&golden, regressor_config(&golden))), cut);
+        let config = FeedbackTraining { dropout: 0.3, ..regressor_config(&golden) };
+        resumes(&|| Box::new(regressor_like(&golden, config.clone())), cut);
     }
 }
 
@@ -276,6 +278,7 @@ fn free_rollouts_learn_an_oscillator() {
         steps: 600,
         learning_rate: 1e-2,
         pose_history: 2,
+        dropout: 0.0,
         pose_noise: 0.0,
         own_latents: 0.0,
         ..Default::default()
