@@ -350,7 +350,9 @@ mod tests {
 
     #[test]
     fn parts_that_do_not_fit_are_named() {
-        let fine = FeedbackModel { people: vec![person("a", vec![0.1], 2, 0.1), person("b", vec![0.2], 2, 0.2)] };
+        let clipped = |person: FeedbackPerson| FeedbackPerson { latent_limits: Some(limits(LATENTS, 1.0)), ..person };
+        let people = [person("a", vec![0.1], 2, 0.1), person("b", vec![0.2], 2, 0.2)].map(clipped);
+        let fine = FeedbackModel { people: people.to_vec() };
         fine.check().unwrap();
         let refused = |change: fn(&mut FeedbackPerson), word: &str| {
             let mut model = fine.clone();

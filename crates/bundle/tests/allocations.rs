@@ -41,7 +41,8 @@ fn a_step_allocates_nothing() {
     for bundle in bundles {
         let mut player = Player::new(&bundle, &[0.5]).unwrap();
         let pose = |t: usize| Pose { rotations: rotations.frame(t), translation: translations[t] };
-        let damping = if bundle.model.recurrent().is_some() { 0.5 } else { 1.0 };
+        let has_bank = bundle.model.recurrent().is_some_and(|m| m.regressor.bank.is_some());
+        let damping = if has_bank { 0.5 } else { 1.0 };
         let region = Control { softness: 1.5, damping, lag: 0.04, ..Default::default() };
         let controls = Controls { regions: vec![(Region::Feet, region)], ..Controls::gain(1.2) };
         let mut controlled = Player::new(&bundle, &[0.5]).unwrap();
