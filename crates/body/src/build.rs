@@ -11,7 +11,7 @@ const REACH: f32 = 2.0;
 /// weight goes with volume, so that its cube root is the more linear), and from them the body mass index.
 ///
 /// One map for everybody: the shape space does not know of sexes. Least squares over the mean body and those that stand
-/// [`REACH`] to either side of it along each coefficient; a weight is the rest mesh's volume times [`BODY_DENSITY`].
+/// 2 to either side of it along each coefficient; a weight is the rest mesh's volume times [`BODY_DENSITY`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodyBuild {
     /// Cube root of the weight, kg^(1/3): constant, then one for each coefficient, `[S + 1]`.
