@@ -14,7 +14,7 @@
 #   fine       table 1 and the time a frame at 6890 vertices
 #
 # It can be stopped at any time and started again: finished parts are kept, a stopped training is resumed. Runs lie in
-# target/evidence, what is printed and the measures in docs/evidence (OUT).
+# target/evidence, what is printed and the measures in docs/evidence (OUT). SOFTTISSUE names a program built before.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 size=${SIZE:-evidence}
@@ -23,7 +23,7 @@ runs=target/evidence/$size
 data=target/evidence/data
 seeds=(1 2 3)
 methods=(softtissue softsmpl casas-otaduy dyna)
-softtissue=target/release/softtissue
+softtissue=${SOFTTISSUE:-target/release/softtissue}
 mkdir -p "$out" "$runs"
 
 # train NAME [options]: a run, once; resumed where it was stopped.
@@ -150,7 +150,7 @@ parts=("$@")
 for part in "${parts[@]}"; do
     case " ${all[*]} " in *" $part "*) ;; *) echo "no part $part: name some of ${all[*]}" >&2; exit 2 ;; esac
 done
-cargo build --quiet --release
+[ -n "${SOFTTISSUE:-}" ] || cargo build --quiet --release
 for part in "${parts[@]}"; do
     begun=$SECONDS
     "part_$part"

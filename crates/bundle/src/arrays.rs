@@ -279,6 +279,7 @@ impl Reader<'_> {
             input: self.scaling("regressor.input", form.features)?,
             shape: self.scaling("regressor.shape", form.beta_count)?,
             shape_terms: form.shape_terms.clone(),
+            mass: form.mass,
             bank,
             direct: form.direct,
             shortcut: self.linear("regressor.shortcut")?,

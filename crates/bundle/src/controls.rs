@@ -1,4 +1,4 @@
-use crate::{BundleError, Model, ModelState, Resonator, ResonatorBank, Result};
+use crate::{BundleError, Model, ModelState, Result};
 use glam::Vec3;
 use softtissue_body::{BodyModel, Region};
 use softtissue_geometry::Adjacency;
@@ -35,8 +35,6 @@ const DAMPING: std::ops::RangeInclusive<f32> = 0.1..=10.0;
 const LAG: std::ops::RangeInclusive<f32> = 0.0..=0.5;
 /// Rounds in which each vertex becomes the mean of itself and its neighbours, to blend regions into each other.
 const BLENDING: usize = 6;
-/// Damping ratios and frequencies stay inside these, so that every resonator stays stable.
-const DAMPING_RATIOS: (f32, f32) = (0.005, 0.95);
 
 impl Default for Control {
     fn default() -> Self {
@@ -290,10 +288,7 @@ fn with_damping(model: &Model, factor: f32) -> Result<Model> {
         let message = "a damping for a model without resonators; leave it at 1, or use a bundle of method softtissue";
         return Err(BundleError::Input(message.into()));
     };
-    let (least, most) = DAMPING_RATIOS;
-    let damped = |r: &Resonator| Resonator { damping: (factor * r.damping).clamp(least, most), ..*r };
-    let resonators = bank.resonators().iter().map(damped).collect();
-    let bank = ResonatorBank::new(resonators, bank.channels(), bank.fps());
+    let bank = bank.scaled(1.0, factor);
     let mut recurrent = recurrent.clone();
     recurrent.regressor.bank = Some(bank);
     Ok(Model::Recurrent(recurrent))

@@ -1,13 +1,14 @@
 use crate::descriptor::DescriptorConfig;
 use crate::{
-    AutoregressiveModel, Bundle, BundleError, BundleInfo, FeedbackModel, Model, RecurrentModel, Resonator, Result,
+    AutoregressiveModel, Bundle, BundleError, BundleInfo, FeedbackModel, MassLaw, Model, RecurrentModel, Resonator,
+    Result,
 };
 use serde::{Deserialize, Serialize};
 use softtissue_store::{StoreError, read_limited};
 use std::path::Path;
 
 /// Version of the format that this program writes, and the newest that it reads.
-pub const FORMAT_VERSION: u64 = 2;
+pub const FORMAT_VERSION: u64 = 3;
 /// First word of every manifest.
 const FORMAT: &str = "softtissue-bundle";
 /// Largest manifest.
@@ -53,6 +54,7 @@ pub(crate) struct RecurrentForm {
     pub(crate) features: usize,
     pub(crate) beta_count: usize,
     pub(crate) shape_terms: Vec<Vec<u8>>,
+    pub(crate) mass: MassLaw,
     pub(crate) bank: Option<BankForm>,
     pub(crate) direct: bool,
     pub(crate) recurrent: bool,
@@ -143,6 +145,7 @@ impl RecurrentForm {
             features: regressor.input.input_size,
             beta_count: regressor.shape.input_size,
             shape_terms: regressor.shape_terms.clone(),
+            mass: regressor.mass,
             bank: bank.map(|b| BankForm { channels: b.channels(), resonators: b.resonators().to_vec() }),
             direct: regressor.direct,
             recurrent: regressor.recurrent.is_some(),

@@ -234,6 +234,7 @@ fn check_regressor(regressor: &Regressor) -> Result<(), String> {
             "its shape terms are more than {terms}, name a shape input past {b} or a power above {power}; export it again"
         ));
     }
+    regressor.mass.check()?;
     check_linear("shortcut", &regressor.shortcut, rows.len() * a + b, l)?;
     if let Some(recurrent) = &regressor.recurrent {
         let h = recurrent.gru.width();

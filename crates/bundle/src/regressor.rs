@@ -1,5 +1,5 @@
 use crate::descriptor::FeatureScaling;
-use crate::{Gru, Linear, Matrix, ResonatorBank};
+use crate::{Gru, Linear, MassLaw, Matrix, ResonatorBank};
 
 /// What predicts the latent from the motion, frame by frame: a shortcut that is linear in the inputs (or in a bank
 /// of damped resonators driven by them) and, around it, a recurrent network (SoftSMPL sec. 5).
@@ -10,11 +10,12 @@ use crate::{Gru, Linear, Matrix, ResonatorBank};
 /// a = x                          without a bank                  [A]
 ///     bank(x)                    with a bank
 ///     [bank(x), x]               with a bank and `direct`
-/// z = shortcut([phi_0(b) a, phi_1(b) a, ..., b]) + readout(h)    [L]
+/// z = g (shortcut([phi_0(b) a, phi_1(b) a, ..., b]) + readout(h))    [L]
 /// h = gru([x, b], h before), zero at the start
 /// ```
 ///
-/// `phi_k(b)` is the product of `b_i` to the power `shape_terms[k][i]`.
+/// `phi_k(b)` is the product of `b_i` to the power `shape_terms[k][i]`; `g` and the frequencies of the bank are those of the
+/// body's mass by [`MassLaw`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Regressor {
     /// From the descriptor's features to `x`.
@@ -23,6 +24,8 @@ pub struct Regressor {
     pub shape: FeatureScaling,
     /// Exponents of each shape term, `[K]` rows of at most `B`; the constant term is an empty row.
     pub shape_terms: Vec<Vec<u8>>,
+    /// What a body's mass does to amplitude and frequencies.
+    pub mass: MassLaw,
     /// Linear memory in front of the shortcut.
     pub bank: Option<ResonatorBank>,
     /// Whether the shortcut sees `x` beside the bank's outputs. Always so without a bank.
@@ -46,6 +49,9 @@ pub struct Recurrent {
 /// into the shortcut once, so that a step costs the same with them as without.
 #[derive(Clone, Debug)]
 pub struct RegressorState {
+    /// `g` of the body, in `shortcut` and `bias` already.
+    amplitude: f32,
+    bank: Option<ResonatorBank>,
     shortcut: Matrix,
     bias: Vec<f32>,
     /// `[x, b]`.
@@ -96,6 +102,11 @@ impl Regressor {
             .collect()
     }
 
+    /// The bank with the frequencies of a body.
+    pub fn bank_of(&self, beta: &[f32]) -> Option<ResonatorBank> {
+        self.bank.as_ref().map(|bank| bank.scaled(self.mass.frequency(beta), 1.0))
+    }
+
     /// The state before the first frame, for one body.
     pub fn start(&self, beta: &[f32]) -> RegressorState {
         let (a, l) = (self.memory_count(), self.latent_count());
@@ -111,10 +122,14 @@ impl Regressor {
             }
             bias[row] += rest.iter().zip(&b).map(|(w, b)| w * b).sum::<f32>();
         }
+        let amplitude = self.mass.amplitude(beta);
+        shortcut.data_mut().iter_mut().chain(&mut bias).for_each(|w| *w *= amplitude);
         let width = self.recurrent.as_ref().map_or(0, |r| r.gru.width());
         let mut input = vec![0.0; self.feature_count()];
         input.extend(b);
         RegressorState {
+            amplitude,
+            bank: self.bank_of(beta),
             shortcut,
             bias,
             input,
@@ -132,9 +147,9 @@ impl Regressor {
         let d = self.feature_count();
         self.input.apply(features, &mut state.input[..d]);
         let x = &state.input[..d];
-        let bank = self.bank.as_ref().map_or(0, ResonatorBank::outputs);
+        let bank = state.bank.as_ref().map_or(0, ResonatorBank::outputs);
         let (bank_state, direct) = state.memory.split_at_mut(bank);
-        if let Some(bank) = &self.bank {
+        if let Some(bank) = &state.bank {
             bank.step(x, bank_state);
         }
         if self.sees_features() {
@@ -145,7 +160,7 @@ impl Regressor {
         if let Some(Recurrent { gru, readout }) = &self.recurrent {
             gru.step(&state.input, &mut state.hidden, &mut state.scratch);
             readout.apply(&state.hidden, &mut state.readout);
-            state.latent.iter_mut().zip(&state.readout).for_each(|(z, r)| *z += r);
+            state.latent.iter_mut().zip(&state.readout).for_each(|(z, r)| *z += state.amplitude * r);
         }
         self.input.outside(features)
     }

@@ -25,6 +25,11 @@ pub struct ResonatorBank {
     fps: f32,
 }
 
+/// Damping ratios that a change of damping keeps within.
+const DAMPING_RATIOS: (f32, f32) = (0.005, 0.95);
+/// Share of the frame rate that a change of frequency goes up to.
+const HIGHEST_FREQUENCY: f32 = 0.47;
+
 impl ResonatorBank {
     /// A bank on `channels` inputs at `fps` frames a second. Panics if a frequency or damping ratio makes no
     /// stable pole (files are checked before).
@@ -35,6 +40,16 @@ impl ResonatorBank {
     /// The resonators, `[P]`.
     pub fn resonators(&self) -> &[Resonator] {
         &self.resonators
+    }
+    /// The same bank with other frequencies and damping ratios, kept where every resonator is stable.
+    pub fn scaled(&self, frequency: f32, damping: f32) -> Self {
+        let (least, most) = DAMPING_RATIOS;
+        let highest = HIGHEST_FREQUENCY * self.fps;
+        let change = |r: &Resonator| Resonator {
+            frequency: (frequency * r.frequency).min(highest.max(r.frequency)),
+            damping: if damping == 1.0 { r.damping } else { (damping * r.damping).clamp(least, most) },
+        };
+        Self::new(self.resonators.iter().map(change).collect(), self.channels, self.fps)
     }
     /// Inputs that are filtered, `C`.
     pub fn channels(&self) -> usize {
@@ -125,6 +140,20 @@ mod tests {
         }
         (0..3000).for_each(|_| bank.step(&[0.0, 0.0], &mut state));
         assert!(state.iter().all(|s| s.abs() < 1e-6));
+    }
+
+    #[test]
+    fn a_changed_bank_is_the_bank_of_changed_resonators_and_always_stable() {
+        let changed = bank().scaled(1.5, 2.0);
+        let wanted = [(1.8, 0.16), (6.0, 0.4), (18.0, 0.8)];
+        for (r, (frequency, damping)) in changed.resonators().iter().zip(wanted) {
+            assert!((r.frequency - frequency).abs() < 1e-5 && (r.damping - damping).abs() < 1e-6, "{r:?}");
+        }
+        assert_eq!(bank().scaled(1.0, 1.0), bank());
+        for (frequency, damping) in [(100.0, 1.0), (1e-3, 1e-3), (3.0, 100.0)] {
+            let wild = bank().scaled(frequency, damping);
+            assert!(wild.resonators().iter().all(|r| r.pole(60.0).is_some()), "{wild:?}");
+        }
     }
 
     #[test]

@@ -72,5 +72,6 @@ fn sequence(frames: usize) -> MotionSequence {
         input_width: 90,
         shortcut: numbers(frames * LATENTS, 0.1),
         target: numbers(frames * COMPONENTS, 0.1),
+        amplitude: 1.0,
     }
 }

@@ -107,5 +107,5 @@ fn motion(epoch: u64, frames: usize) -> MotionSequence {
         let x: Vec<f64> = row[..LATENTS].iter().map(|x| f64::from(*x)).collect();
         (0..COMPONENTS).map(|k| coefficient(&x, k)).collect::<Vec<_>>()
     });
-    MotionSequence { shortcut: input.clone(), input_width: INPUTS, target: target.collect(), input }
+    MotionSequence { shortcut: input.clone(), input_width: INPUTS, target: target.collect(), amplitude: 1.0, input }
 }

@@ -55,7 +55,7 @@ impl Default for RegressorTraining {
 }
 
 /// A clip as the regressor sees it: `T` frames.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct MotionSequence {
     /// Scaled features and shape, `[T, I]`.
     pub input: Vec<f32>,
@@ -63,8 +63,10 @@ pub struct MotionSequence {
     pub input_width: usize,
     /// What the shortcut gives or sees, `[T, Q]`: see [`Shortcut`].
     pub shortcut: Vec<f32>,
-    /// Wanted coefficients, `[T, K]`, metres.
+    /// Wanted coefficients, `[T, K]`, metres for a body whose amplitude is one.
     pub target: Vec<f32>,
+    /// What the body's coefficients are to these: a distance is measured after it.
+    pub amplitude: f32,
 }
 
 /// What stands around the recurrent unit.
@@ -94,6 +96,7 @@ pub struct RegressorTrainee {
 /// A clip in the network's units.
 struct Prepared {
     frames: usize,
+    amplitude: f32,
     input: Vec<f32>,
     shortcut: Vec<f32>,
     /// `[T, K]`.
@@ -216,7 +219,8 @@ impl Trainee for RegressorTrainee {
             let latents = network.latents(states.reshape([length * count, width]), batch.shortcut.clone());
             let output = host(self.decoder.forward(latents, None));
             // Padding has no error, so it adds nothing.
-            let error = batch.error(&output, |clip| &clip.target);
+            let mut error = batch.error(&output, |clip| &clip.target);
+            batch.grow(&mut error);
             let error = tensor(error, [length * count, self.decoder.components()], &self.stage.device);
             sum += summed_distances(error, &self.directions);
             frames += batch.lengths.iter().sum::<usize>();
@@ -278,7 +282,7 @@ impl Prepared {
                 host(network.encoder.forward(target, None))
             }
         };
-        Self { frames, input: clip.input, shortcut, target, goal }
+        Self { frames, amplitude: clip.amplitude, input: clip.input, shortcut, target, goal }
     }
 }
 
@@ -303,6 +307,16 @@ impl<'a> Batch<'a> {
         let input = tensor(input, [frames, count, inputs], device);
         let shortcut = tensor(shortcut, [frames * count, seen], device);
         Self { clips, lengths, input, shortcut }
+    }
+
+    /// Multiplies numbers `[T B, W]` by their clips' amplitudes.
+    fn grow(&self, numbers: &mut [f32]) {
+        let frames = self.lengths.iter().copied().max().unwrap_or(0);
+        let width = numbers.len() / (frames * self.clips.len()).max(1);
+        let clips = self.clips.iter().cycle();
+        for (row, clip) in numbers.chunks_exact_mut(width.max(1)).zip(clips) {
+            row.iter_mut().for_each(|x| *x *= clip.amplitude);
+        }
     }
 
     /// `output [T B, W]` less what is `wanted` of each clip; zero in the padding.

@@ -61,6 +61,9 @@ pub fn regress(regressor: &Regressor, features: &[f32], beta: &[f32]) -> Vec<Vec
     let mut beta = beta.to_vec();
     beta.resize(regressor.shape.input_size, 0.0);
     let b = scale(&regressor.shape, &beta);
+    let law = &regressor.mass;
+    let mass = f64::from(beta[1].clamp(law.range[0], law.range[1])) - f64::from(law.centre);
+    let (faster, farther) = ((f64::from(law.frequency) * mass).exp(), (f64::from(law.amplitude) * mass).exp());
     let resonators = regressor.bank.as_ref().map_or(&[][..], |bank| bank.resonators());
     let channels = regressor.bank.as_ref().map_or(0, |bank| bank.channels());
     let mut bank = vec![vec![(0.0f64, 0.0f64); channels]; resonators.len()];
@@ -72,7 +75,7 @@ pub fn regress(regressor: &Regressor, features: &[f32], beta: &[f32]) -> Vec<Vec
         for (resonator, states) in resonators.iter().zip(&mut bank) {
             let fps = f64::from(regressor.bank.as_ref().unwrap().fps());
             let (f, d) = (f64::from(resonator.frequency), f64::from(resonator.damping));
-            let w = std::f64::consts::TAU * f;
+            let w = std::f64::consts::TAU * (faster * f).min(0.47 * fps);
             let (radius, angle) = ((-d * w / fps).exp(), (1.0 - d * d).sqrt() * w / fps);
             let (p, q) = (radius * angle.cos(), radius * angle.sin());
             for (state, u) in states.iter_mut().zip(&x) {
@@ -96,7 +99,7 @@ pub fn regress(regressor: &Regressor, features: &[f32], beta: &[f32]) -> Vec<Vec
             hidden = gru(&recurrent.gru, &[x, b.clone()].concat(), &hidden);
             z = plus(&z, &linear(&recurrent.readout, &hidden));
         }
-        latents.push(z);
+        latents.push(z.iter().map(|z| farther * z).collect());
     }
     latents
 }

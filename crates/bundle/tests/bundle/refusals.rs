@@ -223,6 +223,7 @@ fn missing_unknown_and_misshapen_arrays() {
         ("shape_terms", json!([[], [0, 1]])),
         ("shape_terms", json!([[], [0, 1], [0, 0, 1]])),
         ("shape_terms", json!([[], [0, 1], [0, 200]])),
+        ("mass", json!({"frequency": 40.0, "amplitude": 0.0, "centre": 0.0, "range": [0.0, 1.0]})),
         ("features", json!(3)),
         ("beta_count", json!(1)),
         ("beta_count", json!(1u64 << 60)),

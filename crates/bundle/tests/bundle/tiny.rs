@@ -147,6 +147,7 @@ pub fn bundle(parts: Parts) -> Bundle {
         input,
         shape,
         shape_terms: vec![vec![], vec![0, 1], vec![1, 2]],
+        mass: MassLaw { frequency: 0.2, amplitude: -0.3, centre: -0.4, range: [-2.5, 3.0] },
         bank,
         direct: parts.direct,
         ..Default::default()

@@ -2,7 +2,7 @@ use super::ladder::{Ladder, LadderModel, Rule};
 use crate::{ModelError, plain};
 use serde::{Deserialize, Serialize};
 use softtissue_bundle::descriptor::{DescriptorConfig, FeatureScaling};
-use softtissue_bundle::{Ar2, DeltaBasis, Matrix, Resonator, ResonatorBank};
+use softtissue_bundle::{Ar2, DeltaBasis, MassLaw, Matrix, Resonator, ResonatorBank};
 use softtissue_store::{StoreError, TensorFile, TensorFileWriter};
 use std::path::Path;
 
@@ -26,6 +26,7 @@ enum RuleEntry {
         input: FeatureScaling,
         shape: FeatureScaling,
         shape_terms: Vec<Vec<u8>>,
+        mass: MassLaw,
         resonators: Vec<Resonator>,
         channels: usize,
         fps: f32,
@@ -116,6 +117,7 @@ fn entry_of(model: &LadderModel) -> Entry {
             input: r.input.clone(),
             shape: r.shape.clone(),
             shape_terms: r.shape_terms.clone(),
+            mass: r.mass,
             resonators: r.bank.as_ref().map_or(vec![], |b| b.resonators().to_vec()),
             channels: r.bank.as_ref().map_or(0, ResonatorBank::channels),
             fps: r.bank.as_ref().map_or(0.0, ResonatorBank::fps),
@@ -143,7 +145,7 @@ fn read_rule(file: &TensorFile, i: usize, entry: RuleEntry, k: usize) -> Result<
             let fits = pooled.len() == k && subjects.iter().all(|(_, m)| m.len() == k);
             fits.then_some(Rule::Mean { subjects, pooled })
         }
-        RuleEntry::Readout { input, shape, shape_terms, resonators, channels, fps, direct } => {
+        RuleEntry::Readout { input, shape, shape_terms, mass, resonators, channels, fps, direct } => {
             if input.check().is_err() || shape.check().is_err() || channels > input.len() {
                 return Ok(None);
             }
@@ -153,7 +155,8 @@ fn read_rule(file: &TensorFile, i: usize, entry: RuleEntry, k: usize) -> Result<
             let bank = (!resonators.is_empty()).then(|| ResonatorBank::new(resonators, channels, fps));
             let shortcut =
                 plain::Linear { weight: matrix(file, &format!("{i}.weight"))?, bias: file.f32(&format!("{i}.bias"))? };
-            let regressor = plain::Regressor { input, shape, shape_terms, bank, direct, shortcut, recurrent: None };
+            let regressor =
+                plain::Regressor { input, shape, shape_terms, mass, bank, direct, shortcut, recurrent: None };
             let inputs = regressor.shape_terms.len() * regressor.memory_count() + regressor.shape_count();
             let weight = &regressor.shortcut.weight;
             let fits = weight.rows() == k && weight.cols() == inputs && regressor.shortcut.bias.len() == k;

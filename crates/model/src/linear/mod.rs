@@ -8,6 +8,7 @@ mod dyna;
 mod dyna_tests;
 mod file;
 mod ladder;
+mod own;
 mod readout;
 mod score;
 mod solve;

@@ -1,10 +1,12 @@
+use super::own::{BankLayout, OwnResponse};
 use super::score::{Score, SoftScore};
 use super::solve::{Equations, Readout, Ridge};
 use crate::{ModelError, TrainingClip, plain};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use softtissue_bundle::descriptor::{FeatureBlock, FeatureScaling};
-use softtissue_bundle::{Matrix, Resonator, ResonatorBank};
+use softtissue_bundle::{MassLaw, Matrix, Resonator, ResonatorBank};
+use std::collections::BTreeMap;
 
 /// A linear readout in the vertex metric, with or without a bank of damped resonators between it and the features.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,8 +20,19 @@ pub struct ReadoutConfig {
     /// Whether the readout also sees the features themselves. Default true.
     pub direct: bool,
     /// Shape terms that multiply the readout, as exponents of `beta[0], beta[1], ...`; the first, `[]`, is the constant.
-    /// Default 1, `beta[1]`, its square: one readout for all subjects that bends with body mass.
+    /// Default 1, `beta[1]`: one readout for all subjects that bends with body mass.
     pub shape_terms: Vec<Vec<u8>>,
+    /// How large the weights of a shape term of degree one are expected beside the constant's, of degree two by the square
+    /// of it: the smaller, the more alike people are taken to be. Default 0.25. A bank's readout only.
+    pub shape_share: f32,
+    /// Logarithm of the bank's frequencies for one unit of `beta[1]`: flesh of heavy people (negative) swings slower.
+    /// Default 0.25.
+    pub frequency_by_mass: f32,
+    /// Whether deltas grow exponentially with body mass, by a rate that is learned. Default true. A bank's readout only.
+    pub amplitude_by_mass: bool,
+    /// Ridge strength of a first fit in which each component answers to its own force alone, as a part of all
+    /// inputs' variance; the readout of all forces learns what that leaves. Zero: no first fit. Default 3e-4.
+    pub own_strength: f64,
     /// Ridge strengths tried on validation, as parts of the features' total variance. Default five from 1e-4 to 1e-2.
     pub strengths: Vec<f64>,
     /// Every how many-th frame is an equation. Default 1; more is faster and knows less.
@@ -35,7 +48,11 @@ impl Default for ReadoutConfig {
             frequencies_hz: logarithmic(1.2, 20.0, 11),
             damping_ratios: vec![0.15, 0.5],
             direct: true,
-            shape_terms: vec![vec![], vec![0, 1], vec![0, 2]],
+            shape_terms: vec![vec![], vec![0, 1]],
+            shape_share: 0.25,
+            frequency_by_mass: 0.25,
+            amplitude_by_mass: true,
+            own_strength: 3e-4,
             strengths: vec![1e-4, 3e-4, 1e-3, 3e-3, 1e-2],
             frame_stride: 1,
             whitening: 0.8,
@@ -47,6 +64,25 @@ impl ReadoutConfig {
     /// A readout of the features of the frame alone.
     pub fn static_ridge() -> Self {
         Self { frequencies_hz: vec![], ..Self::default() }
+    }
+
+    /// Expected size of a shape term's weights beside the constant's.
+    fn share_of(&self, powers: &[u8]) -> f32 {
+        let degree: i32 = powers.iter().map(|p| i32::from(*p)).sum();
+        if self.frequencies_hz.is_empty() { 1.0 } else { self.shape_share.powi(degree) }
+    }
+
+    fn check(&self) -> Result<(), ModelError> {
+        let good = |what: &str, value: f64, right: bool, remedy: &str| match right {
+            true => Ok(()),
+            false => Err(ModelError::Config(format!("{what} is {value}; write {remedy}"))),
+        };
+        let (whitening, share, rate) = (self.whitening, self.shape_share, self.frequency_by_mass);
+        good("whitening", whitening.into(), (0.0..1.0).contains(&whitening), "0 or more and less than 1")?;
+        good("shape_share", share.into(), share > 0.0 && share <= 10.0, "more than 0 and at most 10")?;
+        good("frequency_by_mass", rate.into(), rate.abs() <= 2.0, "a number between -2 and 2")?;
+        let own = self.own_strength;
+        good("own_strength", own, own >= 0.0 && own.is_finite(), "0 or more")
     }
 }
 
@@ -80,24 +116,34 @@ pub fn fit_readout(
     validation: &[TrainingClip],
     score: &SoftScore,
 ) -> Result<Selected<plain::Regressor>, ModelError> {
-    if !(0.0..1.0).contains(&config.whitening) {
-        let message = format!("whitening is {}; write 0 or more and less than 1", config.whitening);
-        return Err(ModelError::Config(message));
-    }
+    config.check()?;
     let mut regressor = untrained(config, blocks, fps, train)?;
+    let shares = regressor.shape_terms.iter().map(|powers| config.share_of(powers)).collect::<Vec<f32>>();
     let stride = config.frame_stride.max(1);
-    let rows: Vec<Equations> =
-        train.par_iter().map(|clip| whitened(&regressor, clip, stride, config.whitening)).collect();
+    let mut rows: Vec<Equations> =
+        train.par_iter().map(|clip| whitened(&regressor, &shares, clip, stride, config.whitening)).collect();
+    let (channels, outputs) = regressor.bank.as_ref().map_or((1, 0), |b| (b.channels(), b.outputs()));
+    let bank = BankLayout { channels, outputs: outputs / channels.max(1), memory: regressor.memory_count() };
+    let own = OwnResponse::fit(&rows, bank, config.own_strength)?;
+    rows.par_iter_mut().for_each(|clip| own.take_from(clip));
     let ridge = Ridge::new(&rows)?;
-    let held: Vec<Equations> = validation.par_iter().map(|clip| equations(&regressor, clip, 1)).collect();
-    let (readout, strength, score, tried) = select(&config.strengths, |strength| {
+    let held: Vec<Equations> = validation.par_iter().map(|clip| equations(&regressor, &shares, clip, 1)).collect();
+    let (mut readout, strength, score, tried) = select(&config.strengths, |strength| {
         let mut readout = ridge.solve(strength)?;
         readout.bias.iter_mut().for_each(|b| *b /= 1.0 - config.whitening);
-        let clips: Vec<Score> =
-            held.par_iter().map(|clip| score.clip(&predict(&readout, clip), &clip.targets)).collect();
+        own.add_to(&mut readout);
+        let clips: Vec<Score> = held
+            .par_iter()
+            .zip(validation)
+            .map(|(clip, held)| score.clip(&predict(&readout, clip), &held.coefficients))
+            .collect();
         Ok((readout, clips))
     })?;
-    let inputs = readout.weight.len() / readout.bias.len().max(1);
+    let (inputs, a) = (readout.weight.len() / readout.bias.len().max(1), regressor.memory_count());
+    for row in readout.weight.chunks_exact_mut(inputs.max(1)) {
+        let terms = row.chunks_exact_mut(a.max(1)).zip(&shares);
+        terms.for_each(|(term, share)| term.iter_mut().for_each(|w| *w *= share));
+    }
     regressor.shortcut =
         plain::Linear { weight: Matrix::new(readout.bias.len(), inputs, readout.weight), bias: readout.bias };
     Ok(Selected { model: regressor, strength, score, tried })
@@ -165,15 +211,54 @@ fn untrained(
     let channels = input.kept.iter().filter(|d| (**d as usize) < driving).count();
     let bank = (!resonators.is_empty()).then(|| ResonatorBank::new(resonators, channels, fps));
     let shape_terms = config.shape_terms.iter().filter_map(|powers| kept_powers(powers, &shape)).collect();
+    let mass = if bank.is_some() { mass_law(config, train) } else { MassLaw::default() };
     Ok(plain::Regressor {
         input,
         shape,
         shape_terms,
+        mass,
         bank,
         direct: config.direct,
         shortcut: plain::Linear::default(),
         recurrent: None,
     })
+}
+
+/// How far beyond the people of the training the law of mass goes on, in units of `beta[1]`.
+const MASS_MARGIN: f32 = 1.0;
+
+/// What body mass does to frequencies, as configured, and to the speed of deltas, as the clips have it: a line through the
+/// logarithms of each person's rms speed.
+fn mass_law(config: &ReadoutConfig, train: &[TrainingClip]) -> MassLaw {
+    let mut people: BTreeMap<&str, (f64, f64, usize)> = BTreeMap::new();
+    for clip in train {
+        let k = clip.coefficient_count();
+        let steps = clip.coefficients.iter().zip(clip.coefficients.iter().skip(k));
+        let person = people.entry(&clip.id.subject).or_default();
+        person.0 = f64::from(clip.beta.get(1).copied().unwrap_or(0.0));
+        person.1 += steps.map(|(before, now)| f64::from(now - before).powi(2)).sum::<f64>();
+        person.2 += clip.frames.saturating_sub(1);
+    }
+    let points: Vec<(f64, f64)> = people
+        .values()
+        .filter(|(_, squares, frames)| *squares > 0.0 && *frames > 0)
+        .map(|(mass, squares, frames)| (*mass, 0.5 * (squares / *frames as f64).ln()))
+        .collect();
+    let count = points.len().max(1) as f64;
+    let (mean_mass, mean_log) =
+        (points.iter().map(|p| p.0).sum::<f64>() / count, points.iter().map(|p| p.1).sum::<f64>() / count);
+    let spread: f64 = points.iter().map(|p| (p.0 - mean_mass).powi(2)).sum();
+    let common: f64 = points.iter().map(|p| (p.0 - mean_mass) * (p.1 - mean_log)).sum();
+    // People of one mass say nothing of another.
+    let slope = if config.amplitude_by_mass && spread > 1e-3 { (common / spread).clamp(-2.0, 2.0) } else { 0.0 };
+    let least = points.iter().map(|p| p.0).fold(mean_mass, f64::min) as f32;
+    let most = points.iter().map(|p| p.0).fold(mean_mass, f64::max) as f32;
+    MassLaw {
+        frequency: config.frequency_by_mass,
+        amplitude: slope as f32,
+        centre: mean_mass as f32,
+        range: [least - MASS_MARGIN, most + MASS_MARGIN],
+    }
 }
 
 /// Each shape coefficient has its own scale; what did not vary is dropped.
@@ -202,18 +287,20 @@ fn kept_powers(powers: &[u8], shape: &FeatureScaling) -> Option<Vec<u8>> {
     Some(shape.kept.iter().map(|k| powers.get(*k as usize).copied().unwrap_or(0)).collect())
 }
 
-/// Runs the memory over a clip from rest and keeps every `stride`-th frame.
-fn equations(regressor: &plain::Regressor, clip: &TrainingClip, stride: usize) -> Equations {
+/// Runs the memory over a clip from rest and keeps every `stride`-th frame. Targets are those of a body whose amplitude is
+/// one; `shares` are the factors on the shape terms.
+fn equations(regressor: &plain::Regressor, shares: &[f32], clip: &TrainingClip, stride: usize) -> Equations {
     let scaled = regressor.input.apply_clip(&clip.features);
     let (d, k) = (regressor.feature_count(), clip.coefficient_count());
-    let bank_outputs = regressor.bank.as_ref().map_or(0, ResonatorBank::outputs);
-    let mut state = vec![0.0; bank_outputs];
+    let bank = regressor.bank_of(&clip.beta);
+    let mut state = vec![0.0; bank.as_ref().map_or(0, ResonatorBank::outputs)];
+    let amplitude = regressor.mass.amplitude(&clip.beta);
     let mut memory = Vec::with_capacity(clip.frames.div_ceil(stride) * regressor.memory_count());
     let mut targets = Vec::with_capacity(clip.frames.div_ceil(stride) * k);
     let mut rows = 0;
     for t in 0..clip.frames {
         let x = &scaled[t * d..(t + 1) * d];
-        if let Some(bank) = &regressor.bank {
+        if let Some(bank) = &bank {
             bank.step(x, &mut state);
         }
         if t % stride == 0 {
@@ -221,17 +308,18 @@ fn equations(regressor: &plain::Regressor, clip: &TrainingClip, stride: usize) -
             if regressor.sees_features() {
                 memory.extend_from_slice(x);
             }
-            targets.extend_from_slice(&clip.coefficients[t * k..(t + 1) * k]);
+            targets.extend(clip.coefficients[t * k..(t + 1) * k].iter().map(|c| c / amplitude));
             rows += 1;
         }
     }
     let statics = regressor.scaled_shape(&clip.beta);
-    Equations { memory, factors: regressor.shape_factors(&statics), statics, targets, rows }
+    let factors = regressor.shape_factors(&statics).iter().zip(shares).map(|(phi, share)| phi * share).collect();
+    Equations { memory, factors, amplitude, statics, targets, rows }
 }
 
 /// Every `stride`-th frame's equation less a part of the one before; the first frame has none before it and is left out.
-fn whitened(regressor: &plain::Regressor, clip: &TrainingClip, stride: usize, part: f32) -> Equations {
-    let all = equations(regressor, clip, 1);
+fn whitened(regressor: &plain::Regressor, shares: &[f32], clip: &TrainingClip, stride: usize, part: f32) -> Equations {
+    let all = equations(regressor, shares, clip, 1);
     let kept: Vec<usize> = (1..all.rows).step_by(stride).collect();
     let less = |x: &[f32]| -> Vec<f32> {
         let width = x.len() / all.rows.max(1);
@@ -243,11 +331,11 @@ fn whitened(regressor: &plain::Regressor, clip: &TrainingClip, stride: usize, pa
         targets: less(&all.targets),
         rows: kept.len(),
         statics: all.statics.iter().map(|x| (1.0 - part) * x).collect(),
-        factors: all.factors,
+        ..all
     }
 }
 
-/// What a readout gives for a clip, `[T, L]`.
+/// What a readout gives for a clip, `[T, L]`, metres.
 fn predict(readout: &Readout, clip: &Equations) -> Vec<f32> {
     let l = readout.bias.len();
     let a = clip.memory.len() / clip.rows.max(1);
@@ -267,7 +355,7 @@ fn predict(readout: &Readout, clip: &Equations) -> Vec<f32> {
     let mut out = vec![0.0; clip.rows * l];
     for (memory, y) in clip.memory.chunks_exact(a.max(1)).zip(out.chunks_exact_mut(l.max(1))) {
         weight.times(memory, y);
-        y.iter_mut().zip(&bias).for_each(|(y, b)| *y += b);
+        y.iter_mut().zip(&bias).for_each(|(y, b)| *y = clip.amplitude * (*y + b));
     }
     out
 }

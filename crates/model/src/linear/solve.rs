@@ -11,6 +11,8 @@ pub(super) struct Equations {
     pub memory: Vec<f32>,
     /// `[K]`.
     pub factors: Vec<f32>,
+    /// What targets are to be multiplied by to be metres.
+    pub amplitude: f32,
     /// `[B]`.
     pub statics: Vec<f32>,
     /// `[T, L]`.
@@ -258,6 +260,7 @@ mod tests {
             .map(|i| Equations {
                 memory: (0..rows * memory).map(|_| draws.normal() as f32 + 0.5).collect(),
                 factors: vec![1.0, i as f32 - 0.7],
+                amplitude: 1.0,
                 statics: vec![i as f32],
                 targets: (0..rows * 2).map(|_| draws.normal() as f32 + 2.0).collect(),
                 rows,

@@ -40,8 +40,8 @@ struct Case {
     deltas: Frames,
 }
 
-/// Motions of three subjects whose flesh is one damped oscillator a vertex, driven by the root's acceleration; its gain
-/// depends on `beta[1]`.
+/// Motions of three subjects whose flesh is one damped oscillator a vertex, driven by the root's acceleration; the heavier
+/// (lower `beta[1]`) the slower and the farther.
 fn cases(motions: std::ops::Range<u32>) -> Vec<Case> {
     let mut cases = vec![];
     for (s, b1) in [-1.0f32, 0.2, 1.3].into_iter().enumerate() {
@@ -65,10 +65,10 @@ fn cases(motions: std::ops::Range<u32>) -> Vec<Case> {
                 case.translations.push(Vec3::new(0.0, at(time), 0.0));
                 let drive =
                     if t < 2 { 0.0 } else { (at(time) - 2.0 * at(time - 1.0 / 60.0) + at(time - 2.0 / 60.0)) * 3600.0 };
-                // 3 Hz, damping ratio 0.2, in small steps.
+                // 3 Hz at no mass, damping ratio 0.2, in small steps.
                 for _ in 0..16 {
-                    let w = TAU * 3.0;
-                    v += (-(w * w) * x - 0.4 * w * v - drive * (1.0 + 0.4 * b1)) / 960.0;
+                    let w = TAU * 3.0 * (0.25 * b1).exp();
+                    v += (-(w * w) * x - 0.4 * w * v - drive * (1.0 - 0.2 * b1)) / 960.0;
                     x += v / 960.0;
                 }
                 let frame: Vec<Vec3> = (0..VERTICES).map(|i| Vec3::new(0.0, x * (0.5 + 0.1 * i as f32), 0.0)).collect();
@@ -127,7 +127,7 @@ fn the_ladder_rises_and_its_file_gives_the_same_rollouts() {
     let (ladder, scores) = ladder();
     let ratio = |name: &str| scores.iter().find(|s| s.name == name).unwrap().score.ratio();
     assert!((ratio("body") - 1.0).abs() < 1e-3, "{}", ratio("body"));
-    assert!(ratio("mean") > 0.9 && ratio("ridge") < 1.0);
+    assert!(ratio("mean") > 0.9);
     // The flesh is a driven oscillator with a gain by shape: memory explains it, a frame does not.
     assert!(ratio("resonators") < 0.15 && ratio("resonators") < 0.3 * ratio("ridge"), "{}", ratio("resonators"));
     assert!(ratio("ar2-subject") < 0.2 && ratio("ar2-subject") < ratio("ar2-pooled"), "{}", ratio("ar2-subject"));
@@ -149,6 +149,43 @@ fn the_ladder_rises_and_its_file_gives_the_same_rollouts() {
     let error = sum(&|i| deltas.points()[i].distance(case.deltas.points()[i]));
     let alone = sum(&|i| case.deltas.points()[i].length());
     assert!(error < 0.2 * alone, "{}", error / alone);
+}
+
+/// The lightest person is left out: laws of mass that the other two obey foretell the third, a line through two
+/// people's weights does not.
+#[test]
+fn laws_of_mass_carry_over_to_a_person_left_out() {
+    let body = body();
+    let (known, new): (Vec<Case>, Vec<Case>) = cases(0..8).into_iter().partition(|c| c.id.subject != "s2");
+    let deltas: Vec<Frames> = known.iter().map(|c| c.deltas.clone()).collect();
+    let config = PcaConfig { components: 3, ..Default::default() };
+    let pca = Pca::fit(deltas.as_slice(), &config, &mut Draws::new(1, "pca", 0, 0), &Silent).unwrap();
+    let own = DescriptorConfig { modes: 1, cutoff_hz: 0.0, ..Default::default() };
+    let descriptor = Descriptor::new(&own, &body, Some(pca.basis.directions.data())).unwrap();
+    let [train, validation] = [&known, &new].map(|cases| clips(cases, &pca.basis, &descriptor));
+    let score = SoftScore::new(&pca.basis, &body);
+    let ratio = |config: ReadoutConfig| {
+        fit_readout(&config, descriptor.blocks(), 60.0, &train, &validation, &score).unwrap().score.ratio()
+    };
+    let lawless = ReadoutConfig { frequency_by_mass: 0.0, amplitude_by_mass: false, ..Default::default() };
+    let (with, without) = (ratio(ReadoutConfig::default()), ratio(lawless));
+    assert!(with < 0.7 && with < 0.5 * without, "{with} with, {without} without");
+}
+
+#[test]
+fn settings_that_make_no_readout_are_refused() {
+    let clip = drifting(1, 0.0);
+    let blocks = softtissue_bundle::descriptor::FeatureBlock::in_a_row(&[("x", 3)]);
+    let score = SoftScore::new(&two_coefficients(), &body());
+    for (wrong, says) in [
+        (ReadoutConfig { shape_share: 0.0, ..Default::default() }, "shape_share"),
+        (ReadoutConfig { frequency_by_mass: f32::NAN, ..Default::default() }, "frequency_by_mass"),
+        (ReadoutConfig { own_strength: -1.0, ..Default::default() }, "own_strength"),
+    ] {
+        let fitted = fit_readout(&wrong, &blocks, 60.0, std::slice::from_ref(&clip), &[], &score);
+        let message = fitted.expect_err(says).to_string();
+        assert!(message.contains(says), "{message}");
+    }
 }
 
 #[test]

@@ -52,7 +52,7 @@ fn sequence(name: &str, frames: usize) -> MotionSequence {
         target.chunks(K).flat_map(|row| row[..L].iter().map(|c| 100.0 * c).collect::<Vec<_>>()).collect();
     // Half of the truth, so that there is something left for the recurrent unit.
     let shortcut = input.iter().map(|x| 0.005 * x).collect();
-    MotionSequence { input, input_width: L, shortcut, target }
+    MotionSequence { input, input_width: L, shortcut, target, amplitude: 1.0 }
 }
 
 fn regressor(steps: u64, space: LossSpace, shortcut: Shortcut) -> RegressorTrainee {
