@@ -46,10 +46,29 @@
     });
   }
 
+  const drawPeople = chooser("chart-people", data.people, (chart) => ({
+    title: chart.name, x: "beta 1 (heavier to the left)", y: "", zero: true, series: series(chart.curves),
+  }));
+  const drawBmi = chooser("chart-bmi", data.bmi, (chart) => ({
+    title: chart.name, x: "body mass index, kg/m²", xUnit: "kg/m²", y: "", zero: true, series: series(chart.curves),
+  }));
+  const drawSubspaceTime = chooser("chart-subspace-time", data.subspace_time, (clip) => ({
+    title: "Mean error of all vertices", x: "seconds", xUnit: "s", y: "mm", unit: "mm", zero: true, series: series(clip.curves),
+  }));
+
+  function drawSubspacePeople() {
+    if (at("chart-subspace-people")) lineChart(at("chart-subspace-people"), {
+      title: "Mean error of all vertices by person", x: "beta 1 (heavier to the left)", y: "mm", unit: "mm", zero: true, series: series(data.subspace_people),
+    });
+  }
+
   function drawBars() {
     const row = (value) => (b) => ({ label: label(b.name), value: b[value], colour: colour(b.name), strong: strong(b.name) });
     if (at("chart-soft")) barChart(at("chart-soft"), { title: "Soft ratio: error over the body's own (less is better)", rows: data.bars.map(row("soft_ratio")) });
     if (at("chart-energy")) barChart(at("chart-energy"), { title: "Energy: speed over the true one (1 is right)", rows: data.bars.map(row("energy")), limits: [1] });
+    if (at("chart-timing")) barChart(at("chart-timing"), {
+      title: "Milliseconds a frame, one core (less is better)", rows: data.timing.map(([name, value]) => ({ label: label(name), value, colour: colour(name), strong: strong(name) })),
+    });
     if (at("chart-subspace") && data.subspace.length) {
       const truth = data.subspace.some((s) => s.pca !== null);
       groupChart(at("chart-subspace"), {
@@ -74,7 +93,7 @@
   const player = data.mesh && new Player(data, (seconds) => placeCursor && placeCursor(seconds), (clip, curves) => { playing = [clip, curves]; drawPlay(); });
 
   function drawAll() {
-    [drawTime, drawSpectra, drawShapes, drawDecay, drawTraining, drawBars, drawPlay].forEach((draw) => draw());
+    [drawTime, drawSpectra, drawShapes, drawPeople, drawBmi, drawSubspaceTime, drawSubspacePeople, drawDecay, drawTraining, drawBars, drawPlay].forEach((draw) => draw());
   }
   drawAll();
   let width = innerWidth;
