@@ -92,7 +92,11 @@ setting() { settings | sed -n "s/^$1 = \[\(.*\)\]/\1/p" | head -1 | tr -d ' "' |
 people() { setting bmi | wc -l; }
 # The simulator stands in the tables unless the settings leave it out.
 simulator() { settings | grep -q '^oracle = true' && echo oracle || true; }
-report() { $only_check || { mkdir -p "$out/report" && cp "$1" "$out/report/$2.html"; }; [ -s "$out/report/$2.html" ] || fail "no $out/report/$2.html"; }
+# report FILE NAME: a report as OUT/report/NAME.html.
+report() {
+    $only_check || { mkdir -p "$out/report" && cp "$1" "$out/report/$2.html"; }
+    [ -s "$out/report/$2.html" ] || fail "there is no $out/report/$2.html"
+}
 
 part_methods() {
     local method seed others=() run=
@@ -129,15 +133,16 @@ over_seeds() {
     awk -F '   +' -v seeds="${seeds[*]}" '
         function add(name, i, x) { if (!(name in seen)) { seen[name] = ++rows; order[rows] = name }
             n[name, i]++; sum[name, i] += x; square[name, i] += x * x }
-        function spread(name, i,   m, k) { k = n[name, i]; m = sum[name, i] / k
-            return sprintf("%.3f ± %.3f", m, sqrt((square[name, i] / k - m * m > 0 ? square[name, i] / k - m * m : 0))) }
+        function spread(name, i,   m, k, v) { k = n[name, i]; m = sum[name, i] / k
+            v = k > 1 ? (square[name, i] - k * m * m) / (k - 1) : 0
+            return sprintf("%.3f ± %.3f", m, v > 0 ? sqrt(v) : 0) }
         FNR == 1 { subspaces = 0 }
         /^Subspaces/ { subspaces = 1 }
         /^softtissue / && !subspaces && !(FILENAME in taken) { taken[FILENAME] = 1; add("softtissue", 1, $5); add("softtissue", 2, $6) }
         subspaces && /^[0-9]/ { sub(/ .*/, "", $1); for (i = 1; i <= 3; i++) add($1 " numbers", i, $(i + 1)) }
         /^$/ { subspaces = 0 }
         END {
-            print "Over the seeds " seeds ": mean ± standard deviation."
+            print "Over the seeds " seeds ": mean ± sample standard deviation."
             printf "%-12s   %16s   %16s\n", "method", "soft ratio", "energy"
             printf "%-12s   %16s   %16s\n\n", "softtissue", spread("softtissue", 1), spread("softtissue", 2)
             printf "%-12s   %16s   %16s   %16s\n", "subspace, mm", "PCA", "autoencoder", "ratio"

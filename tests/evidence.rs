@@ -1,34 +1,18 @@
 //! The script that makes the evidence tables, on the smallest job: every table is there and has every method in it, and a
 //! missing one fails.
 
-use crate::support::{Said, TINY, data_dir, folder};
+use crate::support::{Said, data_dir, folder};
 use softtissue_eval::Metrics;
 use std::path::Path;
 use std::process::Command;
 
-/// What the script's other methods take of the smallest job.
-const MORE: &str = r#"
-compare_objectives = false
-[casas_otaduy]
-sizes = [8, 16]
-latents = 16
-[casas_otaduy.autoencoder]
-widths = [40, 36]
-steps = 4
-[casas_otaduy.regressor]
-width = 48
-steps = 6
-rollout_every = 3
-"#;
-
-/// The parts that are run here; the others are made of the same pieces.
+/// The parts that are run here; `.ci/run` runs the others.
 const PARTS: [&str; 3] = ["methods", "weights", "casas"];
 
 fn evidence(home: &Path, arguments: &[&str]) -> Said {
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/evidence.sh");
-    let mut command = Command::new("bash");
-    command.arg(script).args(arguments);
-    command.env("SIZE", "tiny").env("CONFIG", home.join("tiny.toml")).env("SEEDS", "1 2");
+    let mut command = Command::new("scripts/evidence.sh");
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).args(arguments);
+    command.env("SIZE", "tiny").env("CONFIG", "tests/evidence.toml").env("SEEDS", "1 2");
     command.env("OUT", home.join("out")).env("RUNS", home.join("runs")).env("DATA", data_dir());
     command.env("SOFTTISSUE", env!("CARGO_BIN_EXE_softtissue"));
     Said::of(&command.output().expect("a shell"))
@@ -37,8 +21,6 @@ fn evidence(home: &Path, arguments: &[&str]) -> Said {
 #[test]
 fn the_evidence_script_writes_every_table_and_says_what_is_missing() {
     let home = folder("evidence");
-    let shorter = TINY.replace("bounded_seconds = 10.0", "bounded_seconds = 2.0") + MORE;
-    std::fs::write(home.join("tiny.toml"), shorter).expect("a configuration");
     evidence(&home, &PARTS).fine();
     let out = home.join("out");
     let read = |name: &str| std::fs::read_to_string(out.join(name)).expect(name);

@@ -109,7 +109,7 @@ fn protocol(args: &EvalArgs, context: &Context, base: &Opened, title: &str) -> R
     let path = context.run.root().join(format!("metrics-{name}.json"));
     metrics.write(&path)?;
     let report = context.run.root().join(format!("report-{name}")).join("index.html");
-    write_protocol_report(context, title, &base.body, &metrics, &tally, &report)?;
+    write_protocol_report(context, title, &base.body.model, &metrics, &tally, &report)?;
     context.monitor.say(&format!("measures: {}\nreport: {}", path.display(), report.display()));
     Ok(metrics)
 }
