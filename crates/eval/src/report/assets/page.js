@@ -9,6 +9,10 @@
   const colour = (name, i) => colours[name] || colourOf(name, i || 0);
   const label = (name) => data.labels[name] || name;
   const series = (curves) => curves.map(([name, points], i) => ({ name, label: label(name), colour: colour(name, i), points }));
+  // PCA and the autoencoder of one size share a colour; PCA is dashed.
+  const sizes = (curves) => curves.map(([name, points], i) => ({
+    name, label: name, colour: `var(--c${(i >> 1) % 7})`, dashed: name.startsWith("PCA"), points,
+  }));
   const strong = (name) => name === "softtissue";
 
   // The first view of many lines shows the ones that matter; the others are a click away.
@@ -53,12 +57,12 @@
     title: chart.name, x: "body mass index, kg/m²", xUnit: "kg/m²", y: "", zero: true, series: series(chart.curves),
   }));
   const drawSubspaceTime = chooser("chart-subspace-time", data.subspace_time, (clip) => ({
-    title: "Mean error of all vertices", x: "seconds", xUnit: "s", y: "mm", unit: "mm", zero: true, series: series(clip.curves),
+    title: "Mean error of all vertices", x: "seconds", xUnit: "s", y: "mm", unit: "mm", zero: true, series: sizes(clip.curves),
   }));
 
   function drawSubspacePeople() {
     if (at("chart-subspace-people")) lineChart(at("chart-subspace-people"), {
-      title: "Mean error of all vertices by person", x: "beta 1 (heavier to the left)", y: "mm", unit: "mm", zero: true, series: series(data.subspace_people),
+      title: "Mean error of all vertices by person", x: "beta 1 (heavier to the left)", y: "mm", unit: "mm", zero: true, series: sizes(data.subspace_people),
     });
   }
 
