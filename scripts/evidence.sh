@@ -271,6 +271,7 @@ what_is() {
     case $1 in
         methods) echo "all methods on motions that training has not seen, by person and by shape, and the time of a frame" ;;
         held-out-softtissue-seed-*) echo "the default method with another seed" ;;
+        held-out-dyna) echo "dyna beside Dyna of order zero and the linear baselines" ;;
         held-out-*) echo "${1#held-out-} beside its ablations and the linear baselines, with its subspaces (SoftSMPL table 1)" ;;
         seeds) echo "SoftSMPL's table 1 and the default method over the seeds" ;;
         ablations) echo "SoftSMPL without its parts and Dyna of order zero: errors, speed by shape (SoftSMPL fig. 8), what the descriptor gives away" ;;

@@ -27,15 +27,19 @@ fn judged(metrics: &Metrics) -> String {
         return String::new();
     }
     format!(
-        "{}: {} clips of {} people, {} frames, {} vertices; seed {}; against {}.\n",
+        "{}: {} of {}, {} frames, {} vertices; seed {}; against {}.\n",
         metrics.protocol,
-        metrics.clips.len(),
-        metrics.data.subjects.len(),
+        count(metrics.clips.len(), "clip", "clips"),
+        count(metrics.data.subjects.len(), "person", "people"),
         metrics.data.frames,
         metrics.data.vertices,
         metrics.seed,
         if metrics.truth { "the true deltas" } else { "the scans' deltas" },
     )
+}
+
+fn count(n: usize, one: &str, many: &str) -> String {
+    format!("{n} {}", if n == 1 { one } else { many })
 }
 
 /// The methods from the plainest up, on the main source of pose; the report has the others.
