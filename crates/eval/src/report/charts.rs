@@ -146,7 +146,11 @@ fn over_time(input: &ReportInput, methods: &[String]) -> Vec<OverTime> {
                 let tally = clip.methods.get(n)?.as_ref()?;
                 Some((n.clone(), tally.reference.over_time("soft").iter().map(rounded).collect()))
             };
-            OverTime { clip: clip.id.to_string(), fps: clip.fps, curves: methods.iter().filter_map(curve).collect() }
+            OverTime {
+                clip: format!("{} · soft vertices", clip.id),
+                fps: clip.fps,
+                curves: methods.iter().filter_map(curve).collect(),
+            }
         })
         .chain(others.filter(|o| !o.curves.is_empty()))
         .collect()

@@ -31,7 +31,7 @@
   }
 
   const drawTime = chooser("chart-time", data.over_time, (clip) => ({
-    title: "Mean error of soft vertices", x: "seconds", xUnit: "s", y: "mm", unit: "mm", zero: true,
+    title: "Mean error", x: "seconds", xUnit: "s", y: "mm", unit: "mm", zero: true,
     series: series(clip.curves.map(([name, values]) => [name, values.map((y, t) => [t / clip.fps, y])])),
   }));
   const drawSpectra = chooser("chart-spectra", data.spectra, (region) => ({
