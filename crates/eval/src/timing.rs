@@ -93,7 +93,7 @@ mod tests {
     #[test]
     fn a_disturbed_frame_does_not_move_the_median() {
         let frame = |i: usize| {
-            let slow = if i % 10 == 0 { 1.0 } else { 0.0 };
+            let slow = if i.is_multiple_of(10) { 1.0 } else { 0.0 };
             FrameTime { parts: vec![("descriptor", 0.001), ("regressor", 0.002 + slow)], whole_s: 0.004 + slow }
         };
         let timing = summed_up(&(0..300).map(frame).collect::<Vec<_>>()).expect("frames");

@@ -219,7 +219,7 @@ fn amplitude_and_speed_follow_the_body_mass_index_at_one_height() {
         fn rollout(&self, _: &str, beta: &[f32], motion: &MotionClip) -> Result<Frames, MethodError> {
             let mut frames = Frames::zeros(self.0.vertex_count(), motion.len());
             for t in 0..motion.len() {
-                let sign = if t % 2 == 0 { 1.0 } else { -1.0 };
+                let sign = if t.is_multiple_of(2) { 1.0 } else { -1.0 };
                 frames.frame_mut(t).fill(Vec3::Y * 1e-3 * self.1.bmi(beta) * sign + Vec3::X);
             }
             Ok(frames)
