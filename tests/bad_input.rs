@@ -21,6 +21,9 @@ fn settings_that_make_no_sense() {
     }
     check("regressor.training.learning_rate=fast").refused(2, &["fast"]);
     check("split.validation_motions=[\"one_leg_jump\"]").refused(2, &["one_leg_jump"]);
+    let twice = ["split.validation_subjects=[\"s01\"]", "split.test_subjects=[\"s01\"]"];
+    softtissue(&["config", "check", "--set", twice[0], "--set", twice[1]]).refused(2, &["s01", "name it once"]);
+    check("method=smpl").refused(2, &["smpl", "softsmpl"]);
     check("regressor.latents=33").refused(2, &["33", "subspace.sizes"]);
     check("synth.motions=[\"dancing\"]").refused(2, &["dancing"]);
     check("synth.fps=0.0").refused(2, &["fps"]);

@@ -2,6 +2,7 @@
 
 use crate::support::{Said, folder, measures, softtissue, tiny_run, tiny_train};
 use softtissue_bundle::{Bundle, Model};
+use softtissue_eval::Metrics;
 
 const SETTINGS: [&str; 9] = [
     "method=casas-otaduy",
@@ -44,6 +45,15 @@ fn each_person_gets_networks_that_are_judged_and_move_a_body() {
         }
         assert!(table[&16].scan_pca_mm < table[&8].scan_pca_mm);
     }
+
+    // Error over time of the heaviest person, and what a frame is made of.
+    let curves = &metrics.over_time[0];
+    assert_eq!((curves.subject.as_str(), curves.motion.as_str()), ("s01", "one_leg_jump"));
+    assert!(["body", "casas-otaduy"].iter().all(|m| curves.methods[*m]["all"].len() == 48));
+    assert!([8, 16].iter().all(|s| curves.subspace[s].pca_mm.len() == 48 && curves.subspace[s].ae_mm.len() == 48));
+    let timed = Metrics::read(&out.join("metrics.json")).expect("measures").timing;
+    let parts: Vec<&str> = timed["casas-otaduy"].parts.iter().map(|p| p.part.as_str()).collect();
+    assert_eq!(parts, ["skinning", "descriptor", "regressor", "feedback"], "no decoder, no learned pose");
 
     let bundle = Bundle::read(&out.join("bundle")).expect("a bundle");
     let Model::Feedback(model) = &bundle.model else { panic!("another model: {:?}", bundle.info.method) };

@@ -89,6 +89,8 @@ fn controls_that_cannot_be_are_refused_in_a_sentence() {
         (2, ["--control", "belly:gian=2"], ["gian", "softness"]),
         (2, ["--control", "belly:gain=much"], ["much", "number"]),
         (2, ["--control", "belly:gain=1000"], ["gain", "100"]),
+        (2, ["--gain", "1000"], ["gain", "100"]),
+        (2, ["--gain", "nan"], ["gain", "100"]),
         (2, ["--control", "everywhere:lag=9"], ["lag", "0.5"]),
         (2, ["--flesh", "0,99"], ["--flesh", "-10"]),
         (3, ["--mesh", &mesh], ["mesh.obj", "3 vertices"]),

@@ -1,6 +1,6 @@
 //! Dyna through the command: trained, judged in its four cases, played on heavier and lighter bodies.
 
-use crate::support::{Said, copy_below, folder, softtissue, tiny_run, tiny_train};
+use crate::support::{Said, copy_below, copy_of_the_run, folder, softtissue, tiny_run, tiny_train};
 use serde_json::Value;
 use softtissue_eval::Metrics;
 use std::path::{Path, PathBuf};
@@ -36,6 +36,15 @@ fn dyna_is_trained_judged_and_shipped() {
     assert!(dyna.bounded_ratio.expect("a long rollout") < 10.0);
     assert!(dyna.rest_ratio.expect("a stop") < 1.0);
     assert_eq!(metrics.shape_response["dyna"].len(), 7);
+    let sweep = &metrics.bmi_response["dyna"];
+    assert!(sweep.first().expect("light").bmi == 18.0 && sweep.last().expect("heavy").bmi == 34.0, "{sweep:?}");
+    assert!(sweep.iter().all(|p| p.amplitude_mm > 0.0 && p.speed_mm_s > 0.0), "{sweep:?}");
+    let timing = &metrics.timing["dyna"];
+    for part in ["skinning", "descriptor", "regressor", "decoder"] {
+        let ms = timing.part(part).expect(part);
+        assert!(ms > 0.0 && ms < timing.whole_p95_ms, "{part}: {timing:?}");
+    }
+    assert_eq!((timing.part("encoder"), timing.part("feedback")), (None, None));
     let manifest: Value =
         serde_json::from_slice(&std::fs::read(run.join("bundle/manifest.json")).expect("a file")).expect("JSON");
     assert_eq!(manifest["info"]["method"], "dyna");
@@ -68,6 +77,11 @@ fn the_four_cases_are_judged() {
     for clip in &metrics.clips {
         assert!(clip.methods["dyna"].soft_ratio.is_some_and(f64::is_finite), "{:?}", clip.fold);
     }
+    assert!(said.out.contains("What was left out") && said.out.contains("new-both"), "{}", said.out);
+    assert!(run.join("report-dyna-cases/index.html").exists());
+    let kept: Vec<_> = metrics.over_time.iter().filter_map(|c| c.fold.as_deref()).collect();
+    assert_eq!(kept, folds, "one person's one take each");
+    assert_eq!(metrics.over_time[0].methods["dyna"]["belly-chest"].len(), 48);
 }
 
 #[test]
@@ -98,6 +112,19 @@ fn weight_is_asked_for_by_its_index() {
     assert!(said.err.contains("outside") && said.err.contains("nearer end"), "{}", said.err);
     animate("nobody", &["--bmi", "3"]).refused(2, &["--bmi", "body mass index"]);
     animate("nobody", &["--bmi", "99"]).refused(2, &["--bmi"]);
+}
+
+#[test]
+fn a_run_is_not_judged_by_the_bundle_of_another_method() {
+    let run = copy_of_the_run("another-bundle");
+    let own = std::fs::read(run.join("metrics.json")).expect("measures");
+    std::fs::remove_dir_all(run.join("bundle")).expect("a bundle");
+    copy_below(&dyna_run().join("bundle"), &run.join("bundle"));
+    softtissue(&["eval", &text(&run)]).refused(3, &["bundle", "dyna", "softtissue", "--against"]);
+    assert_eq!(std::fs::read(run.join("metrics.json")).expect("measures"), own, "nothing was judged");
+    let mut resumed = tiny_train(&tiny_run().config, &run);
+    resumed.args(["--resume", "--set", "method=dyna"]);
+    Said::of(&resumed.output().expect("the command starts")).refused(6, &["settings", "--out"]);
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod command;
 mod comparison;
 mod controls;
 mod dyna;
+mod evidence;
 mod main_job;
 mod resume;
 mod softsmpl;

@@ -135,6 +135,9 @@ const tests = {
     for (const id of ["chart-soft", "chart-energy", "chart-time", "chart-spectra"]) {
       assert((await page.locator(`#${id} svg :is(path, rect)`).count()) > 0, id);
     }
+    for (const chart of await page.locator("main .chart:visible").all()) {
+      assert((await chart.locator("svg :is(path, rect)").count()) > 0, `${await chart.getAttribute("id")} is empty`);
+    }
     const text = await page.locator("main").innerText();
     assert(!/NaN|undefined|Infinity|null/.test(text), "no word of the machine's in the text");
     await page.locator("#chart-time svg").hover();

@@ -1,6 +1,7 @@
 use crate::descriptor::FeatureScaling;
 use crate::matrix::dot;
 use crate::model::{LARGEST_WIDTH, fits};
+use crate::times::{StepPart, Watch};
 use crate::{DeltaBasis, Matrix};
 use softtissue_body::BodyBuild;
 
@@ -157,13 +158,26 @@ impl AutoregressiveModel {
     /// One frame: the descriptor's `features` to `deltas [V * 3]`, metres. Returns how many features were clipped to
     /// their range in training. Allocates nothing.
     pub fn step(&self, features: &[f32], state: &mut AutoregressiveState, deltas: &mut [f32]) -> usize {
+        self.watched_step(features, state, deltas, &mut ())
+    }
+
+    pub(crate) fn watched_step(
+        &self,
+        features: &[f32],
+        state: &mut AutoregressiveState,
+        deltas: &mut [f32],
+        watch: &mut impl Watch,
+    ) -> usize {
         let AutoregressiveState { dynamics, scaled, last, before, decoded, .. } = state;
         self.input.apply(features, scaled);
         dynamics.step(scaled, last, before);
         std::mem::swap(last, before);
+        let clipped = self.input.outside(features);
+        watch.lap(StepPart::Regressor);
         decoded.copy_from_slice(last);
         self.basis.decode(decoded, deltas);
-        self.input.outside(features)
+        watch.lap(StepPart::Decoder);
+        clipped
     }
 
     /// Whether all parts fit together; the sentence says what does not. Finite numbers are the reader's concern.

@@ -1,4 +1,5 @@
 use crate::model::{LARGEST_WIDTH, check_linear, fits};
+use crate::times::{StepPart, Watch};
 use crate::{Limits, Linear, ThreeLayers};
 
 /// Casas and Otaduy (2018): one person's whole delta is regressed from the poses and from what was regressed before,
@@ -109,15 +110,27 @@ impl FeedbackModel {
     /// One frame: `features [P]` in, `deltas [V * 3]` (metres) out. Returns how many features were clipped to their
     /// range in training. Allocates nothing.
     pub fn step(&self, features: &[f32], state: &mut FeedbackState, deltas: &mut [f32]) -> usize {
+        self.watched_step(features, state, deltas, &mut ())
+    }
+
+    pub(crate) fn watched_step(
+        &self,
+        features: &[f32],
+        state: &mut FeedbackState,
+        deltas: &mut [f32],
+        watch: &mut impl Watch,
+    ) -> usize {
         let person = &self.people[state.person];
         let clipped = state.accept(features, &person.pose_limits);
         person.hidden.apply(&state.input, &mut state.hidden);
         state.hidden.iter_mut().for_each(|h| *h = h.max(0.0));
         person.output.apply(&state.hidden, deltas);
+        watch.lap(StepPart::Regressor);
         person.encode(deltas, state);
         let latents = state.latent.len();
         state.input.copy_within(..latents, latents);
         state.input[..latents].copy_from_slice(&state.latent);
+        watch.lap(StepPart::Feedback);
         clipped
     }
 

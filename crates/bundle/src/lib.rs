@@ -25,6 +25,7 @@ mod regressor;
 mod resonators;
 mod retarget;
 mod subspace;
+mod times;
 
 pub use autoregressive::{Ar2, AutoregressiveModel, AutoregressiveState, PersonDynamics};
 pub use bundle::{Bundle, BundleInfo, SelfCheck};
@@ -42,6 +43,7 @@ pub use player::{Player, RolloutReport, StepReport};
 pub use regressor::{Recurrent, Regressor, RegressorState};
 pub use resonators::{Resonator, ResonatorBank};
 pub use subspace::{Decoder, DeltaBasis, Encoder, Subspace, SubspaceScratch};
+pub use times::{StepPart, StepTimes};
 
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, BundleError>;

@@ -1,4 +1,5 @@
 use crate::descriptor::{DescriptorConfig, DescriptorParts, FeatureKind, PoseEncoder};
+use crate::times::{StepPart, Watch};
 use crate::{
     AutoregressiveModel, AutoregressiveState, FeedbackModel, FeedbackState, Linear, Regressor, RegressorState,
     Subspace, SubspaceScratch,
@@ -117,10 +118,22 @@ impl Model {
     /// One frame: features `[D]` in, `deltas [V * 3]` (metres, rest frame) out. Returns how many features were clipped
     /// to their range in training. Allocates nothing. Panics if the state is another model's.
     pub fn step(&self, features: &[f32], state: &mut ModelState, deltas: &mut [f32]) -> usize {
+        self.watched_step(features, state, deltas, &mut ())
+    }
+
+    pub(crate) fn watched_step(
+        &self,
+        features: &[f32],
+        state: &mut ModelState,
+        deltas: &mut [f32],
+        watch: &mut impl Watch,
+    ) -> usize {
         match (self, state) {
-            (Self::Recurrent(m), ModelState::Recurrent(state)) => m.step(features, state, deltas),
-            (Self::Feedback(m), ModelState::Feedback(state)) => m.step(features, state, deltas),
-            (Self::Autoregressive(m), ModelState::Autoregressive(state)) => m.step(features, state, deltas),
+            (Self::Recurrent(m), ModelState::Recurrent(state)) => m.step(features, state, deltas, watch),
+            (Self::Feedback(m), ModelState::Feedback(state)) => m.watched_step(features, state, deltas, watch),
+            (Self::Autoregressive(m), ModelState::Autoregressive(state)) => {
+                m.watched_step(features, state, deltas, watch)
+            }
             _ => panic!("the state belongs to another kind of model"),
         }
     }
@@ -167,9 +180,11 @@ impl RecurrentModel {
         RecurrentState { regressor: self.regressor.start(beta), scratch: self.subspace.scratch() }
     }
 
-    fn step(&self, features: &[f32], state: &mut RecurrentState, deltas: &mut [f32]) -> usize {
+    fn step(&self, features: &[f32], state: &mut RecurrentState, deltas: &mut [f32], watch: &mut impl Watch) -> usize {
         let clipped = self.regressor.step(features, &mut state.regressor);
+        watch.lap(StepPart::Regressor);
         self.subspace.decode(state.regressor.latent(), deltas, &mut state.scratch);
+        watch.lap(StepPart::Decoder);
         clipped
     }
 

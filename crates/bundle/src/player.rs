@@ -3,6 +3,7 @@ use crate::controls::{Controls, Mixer};
 use crate::descriptor::{Descriptor, DescriptorState};
 use crate::posing::Posing;
 use crate::retarget::Retarget;
+use crate::times::{StepPart, StepTimes, Stopwatch, Watch};
 use crate::{Bundle, BundleError, ModelState, Result};
 use glam::Vec3;
 use softtissue_body::{Pose, ShapedBody};
@@ -194,12 +195,27 @@ impl<B: Deref<Target = Bundle>> Player<B> {
 
     /// One frame of the bundle's rate. The deltas are those of this pose, or of the pose [`Player::delay_frames`] ago.
     pub fn step(&mut self, pose: Pose) -> StepReport {
+        self.watched_step(pose, &mut ())
+    }
+
+    /// The same and the posed vertices, with the time that it took: a whole frame of an animation.
+    pub fn timed_step(&mut self, pose: Pose) -> (StepReport, StepTimes) {
+        let mut watch = Stopwatch::start();
+        let report = self.watched_step(pose, &mut watch);
+        self.vertices();
+        watch.lap(StepPart::Skinning);
+        (report, watch.stop())
+    }
+
+    fn watched_step(&mut self, pose: Pose, watch: &mut impl Watch) -> StepReport {
         let mut report = StepReport::default();
         self.accept(pose, &mut report);
         self.posing.run(&self.bundle.body, &self.shaped, self.input.steady());
         self.posed = true;
+        watch.lap(StepPart::Skinning);
         let Posing { transforms, skinned, .. } = &self.posing;
-        self.descriptor.step(&mut self.descriptor_state, self.input.steady(), transforms, skinned, &mut self.features);
+        let (state, features) = (&mut self.descriptor_state, &mut self.features);
+        self.descriptor.watched_step(state, self.input.steady(), transforms, skinned, features, watch);
         self.frames += 1;
         if let Some(mut oldest) = self.waiting.pop_front() {
             report.waiting = self.frames <= self.delay_frames() as u64;
@@ -218,7 +234,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         } else {
             self.shown.set(&self.input);
         }
-        self.infer(&mut report);
+        self.infer(&mut report, watch);
         report
     }
 
@@ -276,7 +292,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             self.shown.set(&self.waiting[delay + t - frames]);
             self.posed = false;
             let mut report = StepReport::default();
-            self.infer(&mut report);
+            self.infer(&mut report, &mut ());
             sum.add(&report);
             show(t, self);
         }
@@ -335,12 +351,18 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     }
 
     /// From features to deltas.
-    fn infer(&mut self, report: &mut StepReport) {
+    fn infer(&mut self, report: &mut StepReport, watch: &mut impl Watch) {
         let model = &self.bundle.model;
         report.features_clipped = match &mut self.mixer {
             Some(mixer) => mixer.step(model, &self.features, &mut self.deltas),
-            None => model.step(&self.features, &mut self.model_state, bytemuck::cast_slice_mut(&mut self.deltas)),
+            None => {
+                let deltas = bytemuck::cast_slice_mut(&mut self.deltas);
+                model.watched_step(&self.features, &mut self.model_state, deltas, watch)
+            }
         };
+        if self.mixer.is_some() {
+            watch.lap(StepPart::Regressor);
+        }
         let state_is_finite = self.mixer.as_ref().map_or(self.model_state.is_finite(), Mixer::is_finite);
         if !state_is_finite || !self.deltas.iter().all(|d| d.is_finite()) {
             self.reset_model();

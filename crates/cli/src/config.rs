@@ -375,10 +375,14 @@ impl Config {
     /// The name under which the learned method is reported: its own, what of it is switched off, and how far it looks
     /// ahead.
     pub fn method_name(&self) -> String {
-        let mut name = self.method.name().to_owned();
-        if let (Method::Softsmpl, Some(part)) = (self.method, self.softsmpl.ablation()) {
-            name = format!("{name}/{part}");
-        }
+        let part = match self.method {
+            Method::Softtissue => None,
+            Method::Softsmpl => self.softsmpl.ablation(),
+            Method::CasasOtaduy => (!self.casas_otaduy.regressor.weighted).then_some("unweighted"),
+            Method::Dyna => (self.dyna.order == 0).then_some("zero-order"),
+        };
+        let own = self.method.name();
+        let name = part.map_or_else(|| own.to_owned(), |part| format!("{own}/{part}"));
         match self.descriptor.look_ahead {
             0 => name,
             frames => format!("{name}/look-ahead-{frames}"),

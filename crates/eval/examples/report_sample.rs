@@ -8,8 +8,8 @@ use figure::{OnBody, Oscillator, World, body, motion, truth};
 use softtissue_clips::MotionClip;
 use softtissue_eval::report::{ReportInput, StageTime, TrainingCurve, playback, write};
 use softtissue_eval::{
-    Codec, CodecPair, LongRollout, Method, MethodError, StopProbe, Tally, acceptance, judge, judge_bounded, judge_fit,
-    judge_shapes, judge_stops, judge_subspace, training_peaks,
+    Codec, CodecPair, LongRollout, Method, MethodError, StopProbe, Tally, acceptance, curves, judge, judge_bounded,
+    judge_fit, judge_shapes, judge_stops, judge_subspace, training_peaks,
 };
 use softtissue_geometry::Frames;
 use softtissue_monitor::Silent;
@@ -70,7 +70,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .iter()
         .map(|(latent, pca, ae)| CodecPair { latent: *latent, pca, autoencoder: Some(ae), residual_kept: Some(true) })
         .collect();
-    metrics.subspace = judge_subspace(&w.scene(), &pairs, &w.clips, &Silent)?;
+    let table = judge_subspace(&w.scene(), &pairs, &w.clips, &Silent)?;
+    metrics.over_time = curves(&tally, &table, &["body", "ar2-subject", "softtissue"], |id| id.subject == "s01");
+    (metrics.subspace, metrics.subspace_by_subject) = (table.pooled, table.by_subject);
     metrics.fit = judge_fit(&w.scene(), &w.clips, &Silent)?;
     metrics.gates = acceptance(&metrics);
     let clips = w.clips[..2].iter().map(|id| playback(&w.scene(), &ladder[5], id)).collect::<Result<Vec<_>, _>>()?;

@@ -109,9 +109,7 @@ pub fn judge(
 fn judge_clip(scene: &Scene, methods: &[&dyn Method], id: &ClipId, fold: Option<&str>) -> Result<ClipTally> {
     let (deltas, scan, fps) = scene.deltas(id)?;
     let beta = scene.beta(id)?;
-    let regions = &scene.body.regions;
-    let soft = regions.soft();
-    let reference = Reference::new(regions, &soft, fps, &deltas, &scan);
+    let reference = Reference::new(&scene.body.regions, fps, &deltas, &scan);
     let mut by_name = BTreeMap::new();
     for channel in [Channel::Exact, Channel::Fitted, Channel::Rough] {
         let Some(motion) = scene.motion(id, channel)? else { continue };
@@ -125,6 +123,7 @@ fn judge_clip(scene: &Scene, methods: &[&dyn Method], id: &ClipId, fold: Option<
     Ok(ClipTally {
         id: id.clone(),
         fold: fold.map(ToOwned::to_owned),
+        beta_1: beta.get(1).copied(),
         fps,
         frames: deltas.len(),
         spectra,

@@ -11,24 +11,32 @@ mod judge;
 pub mod measures;
 mod method;
 mod metrics;
+mod over_time;
+mod people;
 mod probe;
 pub mod protocol;
 pub mod report;
+mod shapes;
 mod subspace;
 mod tally;
+mod timing;
 
 pub use error::{EvalError, MethodError};
 pub use fit::judge_fit;
 pub use gates::{Gate, OURS, acceptance, without_gru};
 pub use judge::{Channel, Scene, judge};
-pub use method::{BodyAlone, Codec, Method};
+pub use method::{BodyAlone, Codec, FrameTime, Method};
 pub use metrics::{
     ClipMetrics, ComponentMetrics, DataMetrics, DecayFigures, DecayMetrics, FitMetrics, LeakMetrics, MethodMetrics,
     Metrics, ProbeMetrics, RegionMetrics, SCHEMA, SubspaceMetrics,
 };
-pub use probe::{DecayTrace, LongRollout, StopProbe, judge_bounded, judge_shapes, judge_stops, training_peaks};
-pub use subspace::{CodecPair, judge_subspace};
+pub use over_time::{ClipCurves, curves};
+pub use people::{PersonFigures, PersonMetrics};
+pub use probe::{DecayTrace, LongRollout, StopProbe, judge_bounded, judge_stops, training_peaks};
+pub use shapes::{BmiMetrics, judge_bmi, judge_shapes};
+pub use subspace::{CodecCurves, CodecPair, SubspaceTable, judge_subspace};
 pub use tally::{ClipTally, MOVING, MethodTally, RegionSignal, Tally};
+pub use timing::{TimingMetrics, judge_timing};
 
 /// Result of this crate.
 pub type Result<T, E = EvalError> = std::result::Result<T, E>;

@@ -3,6 +3,15 @@ use glam::Vec3;
 use softtissue_clips::MotionClip;
 use softtissue_geometry::Frames;
 
+/// How long one frame of an animation took.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameTime {
+    /// Seconds of the parts that the method has, in the order in which a frame runs through them.
+    pub parts: Vec<(&'static str, f64)>,
+    /// Seconds of the whole.
+    pub whole_s: f64,
+}
+
 /// Anything that predicts soft tissue from a motion: a learned model, a baseline, a player of bundles.
 /// Evaluation knows it by this trait alone.
 pub trait Method: Sync {
@@ -26,6 +35,17 @@ pub trait Method: Sync {
     ) -> Result<(), MethodError> {
         self.rollout(subject, beta, motion)?.iter().for_each(sink);
         Ok(())
+    }
+    /// The wall-clock time of each of `frames` frames of an animation, the motion played over and over from its start, on
+    /// the thread that asks. Empty for a method that is no player.
+    fn frame_times(
+        &self,
+        _subject: &str,
+        _beta: &[f32],
+        _motion: &MotionClip,
+        _frames: usize,
+    ) -> Result<Vec<FrameTime>, MethodError> {
+        Ok(vec![])
     }
 }
 

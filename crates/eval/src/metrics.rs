@@ -1,5 +1,5 @@
 use crate::report::{by_rank, is_channel};
-use crate::{EvalError, Gate, Result};
+use crate::{BmiMetrics, ClipCurves, EvalError, Gate, PersonMetrics, Result, TimingMetrics};
 use serde::{Deserialize, Serialize};
 use softtissue_clips::ClipId;
 use softtissue_store::{read_json, write_json_atomic};
@@ -32,9 +32,15 @@ pub struct Metrics {
     /// By latent size.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub subspace: BTreeMap<u32, SubspaceMetrics>,
-    /// The same a person, where each has a subspace of their own (Casas-Otaduy 2018 fig. 5).
+    /// The same person by person (SoftSMPL fig. 6; Casas-Otaduy 2018 fig. 5, where each has a subspace of their own).
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub subspace_by_subject: BTreeMap<String, BTreeMap<u32, SubspaceMetrics>>,
+    /// Person by person, on the main source of pose: the error by shape.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub people: BTreeMap<String, PersonMetrics>,
+    /// Error frame by frame in a few clips (SoftSMPL figs. 5 and 7, Casas-Otaduy 2018 figs. 5 and 7).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub over_time: Vec<ClipCurves>,
     /// The fit that everything else stands on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fit: Option<FitMetrics>,
@@ -48,6 +54,13 @@ pub struct Metrics {
     /// (SoftSMPL fig. 8): pairs of `beta[1]` and speed, by method.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub shape_response: BTreeMap<String, Vec<[f64; 2]>>,
+    /// How much and how fast the flesh moves on bodies of one height and another body mass index (Dyna sec. 6.3), by
+    /// method.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub bmi_response: BTreeMap<String, Vec<BmiMetrics>>,
+    /// Time of a frame, by method.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub timing: BTreeMap<String, TimingMetrics>,
     /// What a linear probe tells from a motion descriptor (SoftSMPL sec. 5), by descriptor.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub leak: BTreeMap<String, LeakMetrics>,
@@ -130,6 +143,9 @@ pub struct RegionMetrics {
     /// Its standard deviation over vertices and frames, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub std_mm: Option<f64>,
+    /// Standard deviation over frames of each frame's mean distance, mm: how Casas and Otaduy (2018) give it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame_std_mm: Option<f64>,
     /// Mean distance to the scans' deltas, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scan_mean_mm: Option<f64>,
@@ -335,6 +351,7 @@ impl Metrics {
     pub fn without_times(&self) -> Self {
         let mut copy = self.clone();
         copy.peak_memory_bytes = None;
+        copy.timing.clear();
         copy.methods.values_mut().for_each(|m| m.frames_per_second = None);
         copy.fit.iter_mut().chain(copy.fit_objectives.values_mut()).for_each(|f| f.frames_per_second = None);
         copy.gates.retain(|name, _| !name.starts_with("run."));
@@ -426,6 +443,7 @@ mod tests {
         let mut other = sample();
         other.methods.get_mut("softtissue").unwrap().frames_per_second = Some(1.0);
         other.peak_memory_bytes = Some(1 << 30);
+        other.timing.insert("softtissue".into(), TimingMetrics::default());
         other.gates.insert("run.peak_memory".into(), Gate::new("", "GiB", Some(1.0), None, Some(2.0)));
         assert_ne!(other, sample());
         assert_eq!(other.without_times(), sample().without_times());

@@ -2,7 +2,6 @@ use crate::judge::rollout;
 use crate::measures::{RegionPeaks, fit_decay, looped, region_mean, rest_ratio};
 use crate::tally::MOVING;
 use crate::{DecayFigures, DecayMetrics, EvalError, Method, MethodMetrics, Metrics, Result, Scene};
-use rayon::prelude::*;
 use softtissue_body::{BodyModel, Region};
 use softtissue_clips::{ClipId, MotionClip};
 use softtissue_geometry::Frames;
@@ -146,46 +145,6 @@ fn greater(a: Option<f64>, b: Option<f64>) -> Option<f64> {
         (Some(a), Some(b)) => Some(a.max(b)),
         (a, b) => a.or(b),
     }
-}
-
-/// How flesh answers to body mass (SoftSMPL fig. 8): mean vertex speed of the deltas over one motion, for a range of
-/// `beta[1]` with the other coefficients held. Fills `metrics`; a value that diverges is left out.
-pub fn judge_shapes(
-    metrics: &mut Metrics,
-    body: &BodyModel,
-    methods: &[&dyn Method],
-    beta: &[f32],
-    motion: &MotionClip,
-    values: &[f32],
-    monitor: &dyn Monitor,
-) -> Result<()> {
-    monitor.begin("judge shapes", (methods.len() * values.len()) as u64, "rollouts");
-    for method in methods {
-        let speed = |value: &f32| {
-            if monitor.should_stop() {
-                return Err(EvalError::Stopped);
-            }
-            let mut shape = beta.to_vec();
-            shape.resize(shape.len().max(2), 0.0);
-            shape[1] = *value;
-            let deltas = rollout(*method, &motion.id, &shape, motion, motion.len(), body.vertex_count())?;
-            monitor.advance(1, method.name());
-            Ok([f64::from(*value), mean_speed(&deltas, motion.fps)])
-        };
-        let curve: Vec<[f64; 2]> = values.par_iter().map(speed).collect::<Result<_>>()?;
-        let finite = curve.into_iter().filter(|[_, speed]| speed.is_finite()).collect();
-        metrics.shape_response.insert(method.name().to_owned(), finite);
-    }
-    monitor.end();
-    Ok(())
-}
-
-/// Mean speed over all vertices and frames, mm/s.
-fn mean_speed(deltas: &Frames, fps: f32) -> f64 {
-    let steps = deltas.len().saturating_sub(1) * deltas.points_per_frame();
-    let pairs = deltas.points().iter().zip(deltas.points().iter().skip(deltas.points_per_frame()));
-    let sum: f64 = pairs.map(|(a, b)| f64::from((*b - *a).length())).sum();
-    sum / steps.max(1) as f64 * f64::from(fps) * 1e3
 }
 
 /// The greatest rms that each region reaches in the scan deltas of the training clips.

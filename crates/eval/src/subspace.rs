@@ -1,11 +1,13 @@
 use crate::judge::check_size;
 use crate::measures::Moments;
+use crate::over_time::rounded;
 use crate::{Codec, EvalError, Result, Scene, SubspaceMetrics};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use softtissue_clips::ClipId;
 use softtissue_geometry::Frames;
 use softtissue_monitor::Monitor;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// PCA and, where there is one, the autoencoder of one latent size.
 pub struct CodecPair<'a> {
@@ -19,11 +21,36 @@ pub struct CodecPair<'a> {
     pub residual_kept: Option<bool>,
 }
 
-/// Reconstruction errors in mm.
-#[derive(Clone, Copy, Default)]
+/// The subspaces' errors.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SubspaceTable {
+    /// All clips together, by latent size (SoftSMPL table 1).
+    pub pooled: BTreeMap<u32, SubspaceMetrics>,
+    /// Person by person.
+    pub by_subject: BTreeMap<String, BTreeMap<u32, SubspaceMetrics>>,
+    /// Clip by clip, frame by frame.
+    pub over_time: BTreeMap<ClipId, BTreeMap<u32, CodecCurves>>,
+}
+
+/// Mean error over all vertices in each frame of a clip, mm: against truth where there is any, otherwise against the
+/// input.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CodecCurves {
+    /// PCA.
+    pub pca_mm: Vec<f64>,
+    /// Autoencoder.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ae_mm: Vec<f64>,
+}
+
+/// Reconstruction errors of a clip.
+#[derive(Clone, Default)]
 struct CodecErrors {
     reference: Moments,
     input: Moments,
+    /// Against the reference, mean of each frame, mm.
+    frames: Vec<f32>,
 }
 
 /// One clip's errors of one pair: PCA, autoencoder.
@@ -36,9 +63,9 @@ pub fn judge_subspace(
     pairs: &[CodecPair],
     clips: &[ClipId],
     monitor: &dyn Monitor,
-) -> Result<BTreeMap<u32, SubspaceMetrics>> {
+) -> Result<SubspaceTable> {
     monitor.begin("judge subspaces", clips.len() as u64, "clips");
-    let per_clip: Result<Vec<Vec<PairErrors>>> = clips
+    let judged: Result<Vec<(&ClipId, Vec<PairErrors>)>> = clips
         .par_iter()
         .map(|id| {
             if monitor.should_stop() {
@@ -52,38 +79,54 @@ pub fn judge_subspace(
             };
             let errors = pairs.iter().map(both).collect::<Result<Vec<_>>>()?;
             monitor.advance(1, &id.to_string());
-            Ok(errors)
+            Ok((id, errors))
         })
         .collect();
     monitor.end();
-    let per_clip = per_clip?;
-    let table = pairs.iter().enumerate().map(|(i, pair)| {
-        let mut pca = CodecErrors::default();
-        let mut autoencoder = pair.autoencoder.map(|_| CodecErrors::default());
-        for clip in &per_clip {
-            pca.merge(&clip[i].0);
-            if let Some((sum, one)) = autoencoder.as_mut().zip(clip[i].1.as_ref()) {
-                sum.merge(one);
-            }
-        }
-        let truth = |m: &CodecErrors| m.reference.mean().filter(|_| scene.truth.is_some());
-        let metrics = SubspaceMetrics {
-            pca_mm: truth(&pca),
-            ae_mm: autoencoder.as_ref().and_then(truth),
-            scan_pca_mm: pca.input.mean(),
-            scan_ae_mm: autoencoder.and_then(|a| a.input.mean()),
-            residual_kept: pair.residual_kept,
+    let judged = judged?;
+    let truth = scene.truth.is_some();
+    let rows = |wanted: &dyn Fn(&ClipId) -> bool| {
+        let taken: Vec<&Vec<PairErrors>> = judged.iter().filter(|(id, _)| wanted(id)).map(|(_, e)| e).collect();
+        pairs.iter().enumerate().map(|(i, pair)| (pair.latent, row(pair, taken.iter().map(|e| &e[i]), truth))).collect()
+    };
+    let subjects: BTreeSet<&String> = clips.iter().map(|id| &id.subject).collect();
+    let curves = |errors: &Vec<PairErrors>| -> BTreeMap<u32, CodecCurves> {
+        let of = |(pair, (pca, autoencoder)): (&CodecPair, &PairErrors)| {
+            let ae_mm = autoencoder.as_ref().map_or(vec![], |e| rounded(&e.frames));
+            (pair.latent, CodecCurves { pca_mm: rounded(&pca.frames), ae_mm })
         };
-        (pair.latent, metrics)
-    });
-    Ok(table.collect())
+        pairs.iter().zip(errors).map(of).collect()
+    };
+    Ok(SubspaceTable {
+        pooled: rows(&|_| true),
+        by_subject: subjects.into_iter().map(|s| (s.clone(), rows(&|id| id.subject == *s))).collect(),
+        over_time: judged.iter().map(|(id, errors)| ((*id).clone(), curves(errors))).collect(),
+    })
 }
 
-impl CodecErrors {
-    fn merge(&mut self, other: &Self) {
-        self.reference.merge(&other.reference);
-        self.input.merge(&other.input);
+/// One pair's errors over some clips.
+fn row<'a>(pair: &CodecPair, clips: impl Iterator<Item = &'a PairErrors>, truth: bool) -> SubspaceMetrics {
+    let mut pca = [Moments::default(); 2];
+    let mut autoencoder = pair.autoencoder.map(|_| pca);
+    for (one, other) in clips {
+        add(&mut pca, one);
+        if let Some((sum, other)) = autoencoder.as_mut().zip(other.as_ref()) {
+            add(sum, other);
+        }
     }
+    let against_truth = |m: [Moments; 2]| m[0].mean().filter(|_| truth);
+    SubspaceMetrics {
+        pca_mm: against_truth(pca),
+        ae_mm: autoencoder.and_then(against_truth),
+        scan_pca_mm: pca[1].mean(),
+        scan_ae_mm: autoencoder.and_then(|a| a[1].mean()),
+        residual_kept: pair.residual_kept,
+    }
+}
+
+fn add(sum: &mut [Moments; 2], clip: &CodecErrors) {
+    sum[0].merge(&clip.reference);
+    sum[1].merge(&clip.input);
 }
 
 fn errors(codec: &dyn Codec, name: &str, id: &ClipId, scan: &Frames, reference: &Frames) -> Result<CodecErrors> {
@@ -93,11 +136,18 @@ fn errors(codec: &dyn Codec, name: &str, id: &ClipId, scan: &Frames, reference: 
         source,
     })?;
     check_size(id, &format!("the reconstruction of {name}"), &rebuilt, scan.len(), scan.points_per_frame())?;
-    let against = |other: &Frames| {
-        let mut moments = Moments::default();
-        let distances = rebuilt.points().iter().zip(other.points()).map(|(a, b)| f64::from((*a - *b).length()) * 1e3);
-        distances.for_each(|mm| moments.add(mm));
-        moments
-    };
-    Ok(CodecErrors { reference: against(reference), input: against(scan) })
+    let mut errors = CodecErrors::default();
+    for (t, frame) in rebuilt.iter().enumerate() {
+        let against = |other: &Frames| {
+            let mut moments = Moments::default();
+            let distances = frame.iter().zip(other.frame(t)).map(|(a, b)| f64::from((*a - *b).length()) * 1e3);
+            distances.for_each(|mm| moments.add(mm));
+            moments
+        };
+        let of_frame = against(reference);
+        errors.frames.push(of_frame.mean().unwrap_or(0.0) as f32);
+        errors.reference.merge(&of_frame);
+        errors.input.merge(&against(scan));
+    }
+    Ok(errors)
 }

@@ -1,7 +1,7 @@
 use crate::measures::{
-    ErrorSums, REPORTED, STILL_MM_S, Spectrum, error_over_time, lag_s, members, peak_hz, region_mean,
-    spectral_distance, spectrum,
+    ErrorSums, REPORTED, STILL_MM_S, Spectrum, lag_s, members, peak_hz, region_mean, spectral_distance, spectrum,
 };
+use crate::people::people;
 use crate::{ClipMetrics, DataMetrics, MethodMetrics, Metrics, RegionMetrics, SCHEMA};
 use softtissue_body::{Region, RegionMap};
 use softtissue_clips::ClipId;
@@ -18,7 +18,6 @@ const LAG_WINDOW_S: f64 = 0.2;
 /// What a method's deltas are compared with on one clip.
 pub(crate) struct Reference<'a> {
     pub regions: &'a RegionMap,
-    pub soft: &'a [u32],
     pub fps: f32,
     /// Truth, or the scans' deltas where there is none.
     pub deltas: &'a Frames,
@@ -28,7 +27,7 @@ pub(crate) struct Reference<'a> {
 }
 
 impl<'a> Reference<'a> {
-    pub(crate) fn new(regions: &'a RegionMap, soft: &'a [u32], fps: f32, deltas: &'a Frames, scan: &'a Frames) -> Self {
+    pub(crate) fn new(regions: &'a RegionMap, fps: f32, deltas: &'a Frames, scan: &'a Frames) -> Self {
         let own = ErrorSums::of(deltas, deltas, regions, fps);
         let means = MOVING
             .into_iter()
@@ -39,7 +38,7 @@ impl<'a> Reference<'a> {
                 (r, (mean, s))
             })
             .collect();
-        Self { regions, soft, fps, deltas, scan, means }
+        Self { regions, fps, deltas, scan, means }
     }
 }
 
@@ -65,8 +64,6 @@ pub struct MethodTally {
     pub scan: ErrorSums,
     /// Moving regions.
     pub signals: BTreeMap<Region, RegionSignal>,
-    /// Mean error of soft vertices in each frame, mm.
-    pub soft_error_mm: Vec<f32>,
 }
 
 impl MethodTally {
@@ -92,7 +89,6 @@ impl MethodTally {
             signals: signals.collect(),
             reference: ErrorSums::of(predicted, reference.deltas, reference.regions, reference.fps),
             scan: ErrorSums::of(predicted, reference.scan, reference.regions, reference.fps),
-            soft_error_mm: error_over_time(predicted, reference.deltas, reference.soft),
         })
     }
 }
@@ -104,6 +100,8 @@ pub struct ClipTally {
     pub id: ClipId,
     /// Which fold judged it.
     pub fold: Option<String>,
+    /// The shape coefficient that falls as mass rises.
+    pub beta_1: Option<f32>,
     /// Frames a second.
     pub fps: f32,
     /// Frames.
@@ -138,6 +136,12 @@ impl Tally {
         }
     }
 
+    /// The subject of the judged clips with the least `beta[1]`.
+    pub fn heaviest(&self) -> Option<&str> {
+        let known = self.clips.iter().filter_map(|c| Some((c.beta_1?, c.id.subject.as_str())));
+        known.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, subject)| subject)
+    }
+
     /// Methods seen, sorted.
     pub fn methods(&self) -> BTreeSet<String> {
         self.clips.iter().flat_map(|c| c.methods.keys().cloned()).collect()
@@ -162,6 +166,7 @@ impl Tally {
                 frames: self.clips.iter().map(|c| c.frames).sum(),
             },
             methods: methods.collect(),
+            people: people(&self.clips),
             clips: self.clips.iter().map(clip_metrics).collect(),
             ..Default::default()
         }
@@ -203,7 +208,7 @@ fn clip_metrics(clip: &ClipTally) -> ClipMetrics {
     ClipMetrics { subject, motion, take, fold: clip.fold.clone(), methods }
 }
 
-fn method_metrics(tallies: &[&Option<MethodTally>]) -> MethodMetrics {
+pub(crate) fn method_metrics(tallies: &[&Option<MethodTally>]) -> MethodMetrics {
     let diverged = tallies.iter().filter(|t| t.is_none()).count() as u32;
     if diverged > 0 {
         return MethodMetrics { diverged_clips: Some(diverged), ..Default::default() };
@@ -221,6 +226,7 @@ fn method_metrics(tallies: &[&Option<MethodTally>]) -> MethodMetrics {
         let region = RegionMetrics {
             mean_mm: Some(mean_mm),
             std_mm: Some(std_mm),
+            frame_std_mm: reference.frame_std_mm(name),
             scan_mean_mm: scan_error.map(|e| e.0),
             scan_std_mm: scan_error.map(|e| e.1),
             energy_ratio: reference.energy_ratio(name),

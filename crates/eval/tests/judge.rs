@@ -6,8 +6,9 @@ use figure::{FPS, OnBody, Oscillator, World, body, motion, truth};
 use glam::Vec3;
 use softtissue_clips::{ClipId, MotionClip};
 use softtissue_eval::{
-    Codec, CodecPair, EvalError, LongRollout, Method, MethodError, Metrics, Scene, StopProbe, Tally, judge,
-    judge_bounded, judge_fit, judge_shapes, judge_stops, judge_subspace, training_peaks,
+    Codec, CodecPair, EvalError, FrameTime, LongRollout, Method, MethodError, Metrics, Scene, StopProbe, SubspaceTable,
+    Tally, curves, judge, judge_bmi, judge_bounded, judge_fit, judge_shapes, judge_stops, judge_subspace, judge_timing,
+    training_peaks,
 };
 use softtissue_geometry::Frames;
 use softtissue_monitor::{Monitor, Silent};
@@ -203,6 +204,92 @@ fn speed_follows_the_shape() {
     }
 }
 
+#[test]
+fn amplitude_and_speed_follow_the_body_mass_index_at_one_height() {
+    let mut w = body(12, 10);
+    let taller: Vec<Vec3> = w.template.iter().map(|p| Vec3::Y * 0.05 * p.y).collect();
+    w.shape_directions.extend(taller);
+    let build = softtissue_body::BodyBuild::fit(&w);
+    /// Swings by as many millimetres as the body mass index says.
+    struct Swings<'a>(&'a softtissue_body::BodyModel, softtissue_body::BodyBuild);
+    impl Method for Swings<'_> {
+        fn name(&self) -> &str {
+            "swings"
+        }
+        fn rollout(&self, _: &str, beta: &[f32], motion: &MotionClip) -> Result<Frames, MethodError> {
+            let mut frames = Frames::zeros(self.0.vertex_count(), motion.len());
+            for t in 0..motion.len() {
+                let sign = if t.is_multiple_of(2) { 1.0 } else { -1.0 };
+                frames.frame_mut(t).fill(Vec3::Y * 1e-3 * self.1.bmi(beta) * sign + Vec3::X);
+            }
+            Ok(frames)
+        }
+    }
+    let mut metrics = Tally::default().metrics("held-out", 1);
+    let m = motion("s01", "hop", 1.6, 30, 30);
+    let method = Swings(&w, build);
+    judge_bmi(&mut metrics, &w, &[&method], &[0.3, -0.5], &m, &[18.0, 26.0, 34.0, 900.0], &Silent).unwrap();
+    let curve = &metrics.bmi_response["swings"];
+    assert_eq!(curve.len(), 3, "nobody has a body mass index of 900");
+    for (point, bmi) in curve.iter().zip([18.0, 26.0, 34.0]) {
+        assert!(point.bmi == bmi && (point.amplitude_mm - bmi).abs() < 0.05, "{point:?}");
+        assert!((point.speed_mm_s / (2.0 * 60.0 * bmi) - 1.0).abs() < 1e-2, "{point:?}");
+    }
+}
+
+#[test]
+fn people_are_told_apart_and_chosen_clips_keep_their_curves() {
+    let folder = tempfile::tempdir().unwrap();
+    let w = world(folder.path());
+    let half = OnBody(&w.body, Oscillator { name: "half", gain: 0.5, ..truth() });
+    let mut tally = Tally::default();
+    judge(&mut tally, &w.scene(), &[&half], &w.clips, None, &Silent).unwrap();
+    let m = tally.metrics("held-out", 3);
+    assert_eq!(m.people.keys().collect::<Vec<_>>(), ["s01", "s02"]);
+    let person = &m.people["s02"];
+    assert_eq!(person.methods.keys().collect::<Vec<_>>(), ["body", "half"], "the other channels are left out");
+    assert!((person.methods["half"].soft_ratio.unwrap() - 0.5).abs() < 1e-5);
+    let only = m.clips.iter().find(|c| c.subject == "s02").unwrap();
+    assert_eq!(Some(person.methods["half"].mean_mm), only.methods["half"].regions["all"].mean_mm);
+    let kept = curves(&tally, &SubspaceTable::default(), &["half", "nobody"], |id| id.subject == "s01");
+    assert_eq!(kept.iter().map(|c| c.motion.as_str()).collect::<Vec<_>>(), ["hop", "run"]);
+    let all = &kept[1].methods["half"]["all"];
+    let run = m.clips.iter().find(|c| c.motion == "run").unwrap().methods["half"].regions["all"];
+    let mean = all.iter().sum::<f64>() / 90.0;
+    assert!(all.len() == 90 && (mean - run.mean_mm.unwrap()).abs() < 1e-4);
+    let variance = all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 90.0;
+    assert!((variance.sqrt() - run.frame_std_mm.unwrap()).abs() < 1e-3, "{run:?}");
+    assert!(run.frame_std_mm < run.std_mm, "a frame's mean varies less than its vertices");
+}
+
+/// A player that takes a millisecond for a frame and three for each of the first hundreds.
+struct Timed;
+
+impl Method for Timed {
+    fn name(&self) -> &str {
+        "timed"
+    }
+    fn rollout(&self, _: &str, _: &[f32], motion: &MotionClip) -> Result<Frames, MethodError> {
+        Ok(Frames::zeros(122, motion.len()))
+    }
+    fn frame_times(&self, _: &str, _: &[f32], _: &MotionClip, frames: usize) -> Result<Vec<FrameTime>, MethodError> {
+        let seconds = |i| if 2 * i < frames { 3e-3 } else { 1e-3 };
+        let time = |i| FrameTime { parts: vec![("regressor", 0.5 * seconds(i))], whole_s: seconds(i) };
+        Ok((0..frames).map(time).collect())
+    }
+}
+
+#[test]
+fn frames_of_players_are_timed_once_they_are_warm() {
+    let mut metrics = Tally::default().metrics("held-out", 1);
+    let m = motion("s01", "hop", 1.6, 30, 30);
+    judge_timing(&mut metrics, &[&Timed, &ByShape], &[0.3], &m, &Silent).unwrap();
+    assert_eq!(metrics.timing.keys().collect::<Vec<_>>(), ["timed"], "the other is no player");
+    let timing = &metrics.timing["timed"];
+    assert!((timing.whole_ms - 1.0).abs() < 1e-9 && (timing.part("regressor").unwrap() - 0.5).abs() < 1e-9);
+    assert!((timing.whole_p95_ms - 1.0).abs() < 1e-9 && timing.frames > 200);
+}
+
 struct Shrink(f32);
 
 impl Codec for Shrink {
@@ -220,6 +307,7 @@ fn the_subspace_table_is_against_truth_and_against_the_input() {
     let pair = |latent, autoencoder| CodecPair { latent, pca: &Shrink(0.0), autoencoder, residual_kept: None };
     let identity = Shrink(1.0);
     let table = judge_subspace(&w.scene(), &[pair(25, Some(&identity)), pair(50, None)], &w.clips, &Silent).unwrap();
+    let SubspaceTable { pooled: table, by_subject, over_time } = table;
     let row = table[&25];
     assert!((row.ae_mm.unwrap() - 1.0).abs() < 0.02, "what comes through whole is the noise");
     assert_eq!(row.scan_ae_mm, Some(0.0));
@@ -227,6 +315,13 @@ fn the_subspace_table_is_against_truth_and_against_the_input() {
     assert!((row.pca_mm.unwrap() - alone.mean_mm.unwrap()).abs() < 1e-6, "nothing comes through: the body alone");
     assert!((row.scan_pca_mm.unwrap() - alone.scan_mean_mm.unwrap()).abs() < 1e-6);
     assert_eq!((table[&50].ae_mm, table[&50].scan_ae_mm), (None, None));
+    // two clips of s01 with 120 and 90 frames, one of s02 with 120: people and frames make up the whole
+    let pca = |name: &str| by_subject[name][&25].pca_mm.unwrap();
+    assert_eq!(by_subject.len(), 2);
+    assert!(((210.0 * pca("s01") + 120.0 * pca("s02")) / 330.0 - row.pca_mm.unwrap()).abs() < 1e-6);
+    let frames: Vec<f64> = over_time.values().flat_map(|c| c[&25].pca_mm.clone()).collect();
+    assert_eq!((frames.len(), over_time[&w.clips[1]][&50].ae_mm.len()), (330, 0));
+    assert!((frames.iter().sum::<f64>() / 330.0 - row.pca_mm.unwrap()).abs() < 1e-4);
 }
 
 #[test]

@@ -4,7 +4,10 @@ mod figure;
 
 use figure::{OnBody, Oscillator, World, body, motion, truth};
 use softtissue_eval::report::{ReportInput, playback, write};
-use softtissue_eval::{FitMetrics, Gate, Metrics, Tally, acceptance, judge};
+use softtissue_eval::{
+    BmiMetrics, CodecCurves, FitMetrics, Gate, Metrics, PersonFigures, PersonMetrics, SubspaceMetrics, SubspaceTable,
+    Tally, TimingMetrics, acceptance, curves, judge,
+};
 use softtissue_monitor::Silent;
 use std::path::Path;
 
@@ -76,10 +79,42 @@ fn what_is_empty_is_left_out() {
     let (w, _, _) = judged(folder.path());
     let nothing = Tally::default().metrics("held-out", 7);
     let html = text(&plain(&w, &nothing), folder.path());
-    for id in ["view", "gates", "errors", "motion", "subspace", "fit", "run"] {
+    for id in ["view", "gates", "errors", "motion", "subspace", "timing", "fit", "run"] {
         assert!(!html.contains(&format!("<section id=\"{id}\"")) && !html.contains(&format!("href=\"#{id}\"")), "{id}");
     }
     assert!(html.contains("<section id=\"words\""));
+}
+
+#[test]
+fn people_subspaces_body_mass_and_times_are_drawn_where_they_were_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let (w, tally, mut metrics) = judged(folder.path());
+    let charts = ["people", "subspace-people", "subspace-time", "bmi", "timing"].map(|c| format!("id=\"chart-{c}\""));
+    let html = text(&ReportInput { tally: Some(&tally), ..plain(&w, &metrics) }, folder.path());
+    assert!(charts.iter().all(|c| !html.contains(c)));
+    let row = SubspaceMetrics { pca_mm: Some(1.0), ae_mm: Some(0.9), ..Default::default() };
+    metrics.subspace.insert(25, row);
+    for (name, beta) in [("s01", 1.5), ("s02", -2.0)] {
+        metrics.subspace_by_subject.insert(name.into(), [(25, row)].into());
+        let figures = PersonFigures { mean_mm: 1.25, soft_ratio: Some(0.625), ..Default::default() };
+        let methods = [("softtissue".to_owned(), figures)].into();
+        metrics.people.insert(name.into(), PersonMetrics { beta_1: Some(beta), methods });
+    }
+    let codec = CodecCurves { pca_mm: vec![1.0, 1.5], ae_mm: vec![0.75, 1.25] };
+    let table = SubspaceTable { over_time: [(w.clips[0].clone(), [(25, codec)].into())].into(), ..Default::default() };
+    metrics.over_time = curves(&tally, &table, &["softtissue"], |_| true);
+    metrics
+        .bmi_response
+        .insert("softtissue".into(), vec![BmiMetrics { bmi: 18.0, speed_mm_s: 7.5, amplitude_mm: 2.5 }]);
+    let timing = TimingMetrics { frames: 300, whole_ms: 1.5, whole_p95_ms: 1.75, ..Default::default() };
+    metrics.timing.insert("softtissue".into(), timing);
+    let html = text(&ReportInput { tally: Some(&tally), ..plain(&w, &metrics) }, folder.path());
+    assert!(charts.iter().all(|c| html.contains(c)));
+    // the heaviest stands to the left
+    assert!(html.contains(r#""subspace_people":[["PCA-25",[[-2.0,1.0],[1.5,1.0]]],["AE-25",[[-2.0,0.9],[1.5,0.9]]]]"#));
+    assert!(html.contains(r#"["AE-25",[[0.0,0.75],[0.0166"#));
+    assert!(html.contains(r#""timing":[["softtissue",1.5]]"#) && html.contains("<td>1.75</td>"));
+    assert!(html.contains("· belly and chest") && html.contains("· all vertices"), "other regions over time");
 }
 
 #[test]

@@ -2,6 +2,7 @@ use super::FeatureBlock;
 use super::encoder::{EncoderScratch, PoseEncoder};
 use super::filter::{LowPass, VelocityTrack};
 use super::root::{RootFeatures, RootState};
+use crate::times::{StepPart, Watch};
 use softtissue_body::Pose;
 use std::sync::Arc;
 
@@ -44,10 +45,11 @@ impl DisentangledFeatures {
             started: false,
         }
     }
-    pub(super) fn step(&self, state: &mut DisentangledState, pose: Pose, out: &mut [f32]) {
+    pub(super) fn step(&self, state: &mut DisentangledState, pose: Pose, out: &mut [f32], watch: &mut impl Watch) {
         let n = self.encoder.latent_count();
         let (p, rest) = out.split_at_mut(n);
         self.encoder.apply(pose.rotations, &mut state.scratch, p);
+        watch.lap(StepPart::PoseEncoder);
         for (k, track) in state.tracks.iter_mut().enumerate() {
             let (velocity, acceleration) = match state.started {
                 true => self.low_pass.step(track, (p[k] - state.previous[k]) * self.fps, self.fps),

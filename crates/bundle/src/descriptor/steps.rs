@@ -5,6 +5,7 @@ use super::pose::{PoseFeatures, PoseState};
 use super::root::RootFeatures;
 use super::{DescriptorConfig, FeatureBlock, FeatureKind, LowPass, PoseEncoder};
 use crate::posing::Posing;
+use crate::times::{StepPart, Watch};
 use glam::{Affine3A, Vec3};
 use softtissue_body::{BodyModel, Pose, Region, ShapedBody};
 use softtissue_geometry::Frames;
@@ -157,11 +158,23 @@ impl Descriptor {
         skinned: &[Vec3],
         out: &mut [f32],
     ) {
+        self.watched_step(state, pose, transforms, skinned, out, &mut ());
+    }
+
+    pub(crate) fn watched_step(
+        &self,
+        state: &mut DescriptorState,
+        pose: Pose,
+        transforms: &[Affine3A],
+        skinned: &[Vec3],
+        out: &mut [f32],
+        watch: &mut impl Watch,
+    ) {
         assert_eq!(out.len(), self.len(), "features of a frame");
         assert_eq!(pose.rotations.len(), self.joint_count, "joints of a pose");
         match (&self.kind, &mut state.0) {
             (Kind::Pose(k), State::Pose(state)) => k.step(state, pose, out),
-            (Kind::Disentangled(k), State::Disentangled(state)) => k.step(state, pose, out),
+            (Kind::Disentangled(k), State::Disentangled(state)) => k.step(state, pose, out, watch),
             (Kind::Angles(k), State::Angles(state)) => k.step(state, pose, out),
             (Kind::Forces(k), State::Forces(state)) => {
                 assert_eq!(transforms.len(), self.vertex_count, "transforms of a frame");
@@ -170,6 +183,7 @@ impl Descriptor {
             }
             _ => panic!("the state belongs to another kind of descriptor"),
         }
+        watch.lap(StepPart::Descriptor);
     }
 
     /// A whole motion from its start: rotations `[T, J]` and translations `[T]` to features `[T, D]`.

@@ -1,5 +1,5 @@
 use crate::reference;
-use crate::tiny::{Parts, bundle, motion};
+use crate::tiny::{Parts, autoregressive, bundle, feedback_bundle, motion};
 use glam::Vec3;
 use softtissue_body::Pose;
 use softtissue_bundle::descriptor::{Descriptor, FeatureKind};
@@ -52,6 +52,32 @@ fn the_encoder_is_the_documented_sum_in_f64() {
     subspace.encode(&delta, &mut latent, &mut subspace.scratch());
     for (z, e) in latent.iter().zip(reference::encode(subspace, &delta)) {
         assert!((f64::from(*z) - e).abs() < 1e-5 * e.abs().max(0.1), "{z} {e}");
+    }
+}
+
+#[test]
+fn a_timed_frame_is_the_same_frame_and_its_parts_are_those_of_the_model() {
+    use StepPart::{Decoder, Descriptor, Feedback, PoseEncoder, Regressor, Skinning};
+    let (rotations, translations) = motion(30);
+    let learned_pose = Parts { features: FeatureKind::DisentangledPose, bank: false, ..Default::default() };
+    for (bundle, parts) in [
+        (bundle(Parts::default()), vec![Skinning, Descriptor, Regressor, Decoder]),
+        (bundle(learned_pose), vec![Skinning, Descriptor, PoseEncoder, Regressor, Decoder]),
+        (feedback_bundle(true), vec![Skinning, Descriptor, Regressor, Feedback]),
+        (autoregressive(), vec![Skinning, Descriptor, Regressor, Decoder]),
+    ] {
+        let mut plain = Player::new(&bundle, &[0.5]).unwrap();
+        let mut timed = Player::new(&bundle, &[0.5]).unwrap();
+        for t in 0..30 {
+            let pose = Pose { rotations: rotations.frame(t), translation: translations[t] };
+            let (report, times) = timed.timed_step(pose);
+            assert_eq!(report, plain.step(pose));
+            assert_eq!(timed.vertices(), plain.vertices());
+            let found: Vec<StepPart> = StepPart::ALL.into_iter().filter(|p| times.part(*p).is_some()).collect();
+            assert_eq!(found, parts);
+            let sum: std::time::Duration = parts.iter().filter_map(|p| times.part(*p)).sum();
+            assert!(sum <= times.whole && !times.whole.is_zero(), "{times:?}");
+        }
     }
 }
 

@@ -1,9 +1,9 @@
 //! Predictors as evaluation knows them.
 
-use softtissue_body::BodyModel;
-use softtissue_bundle::{Bundle, Player, Subspace, ThreeLayers};
+use softtissue_body::{BodyModel, Pose};
+use softtissue_bundle::{Bundle, Player, StepPart, Subspace, ThreeLayers};
 use softtissue_clips::MotionClip;
-use softtissue_eval::{Codec, CodecPair, Method, MethodError};
+use softtissue_eval::{Codec, CodecPair, FrameTime, Method, MethodError};
 use softtissue_geometry::Frames;
 use softtissue_model::Predictor;
 use softtissue_model::linear::Ladder;
@@ -36,6 +36,27 @@ impl Method for BundleMethod {
         let mut player = Player::new(Arc::clone(&self.bundle), beta)?;
         player.play(&motion.rotations, &motion.translations, |_, player| sink(player.deltas()))?;
         Ok(())
+    }
+    fn frame_times(
+        &self,
+        _: &str,
+        beta: &[f32],
+        motion: &MotionClip,
+        frames: usize,
+    ) -> Result<Vec<FrameTime>, MethodError> {
+        let mut player = Player::new(Arc::clone(&self.bundle), beta)?;
+        let mut times = Vec::with_capacity(frames);
+        for t in (0..motion.len()).cycle().take(frames) {
+            if t == 0 {
+                player.reset();
+            }
+            let pose = Pose { rotations: motion.rotations.frame(t), translation: motion.translations[t] };
+            let (_, step) = player.timed_step(pose);
+            let part = |p: StepPart| Some((p.name(), step.part(p)?.as_secs_f64()));
+            let parts = StepPart::ALL.into_iter().filter_map(part).collect();
+            times.push(FrameTime { parts, whole_s: step.whole.as_secs_f64() });
+        }
+        Ok(times)
     }
 }
 

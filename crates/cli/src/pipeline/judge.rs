@@ -6,16 +6,17 @@ use super::context::Context;
 use super::job::Prepared;
 use super::leak::judge_leak;
 use super::learn::Learned;
-use super::oracle::Oracle;
+use super::oracle::{ORACLE, Oracle};
 use super::probes::stop_probes;
 use super::scans::Scans;
 use crate::config::Method as Learns;
 use crate::memory::peak_memory_bytes;
 use anyhow::Result;
-use softtissue_clips::{ClipId, FitSet, Split};
+use softtissue_clips::{ClipId, FitSet, MotionClip, Split};
 use softtissue_eval::{
-    CodecPair, DecayTrace, LongRollout, Method, Metrics, Scene, Tally, acceptance, judge, judge_bounded, judge_fit,
-    judge_shapes, judge_stops, judge_subspace, training_peaks, without_gru,
+    ClipCurves, CodecPair, DecayTrace, LongRollout, Method, Metrics, Scene, SubspaceTable, Tally, acceptance, curves,
+    judge, judge_bmi, judge_bounded, judge_fit, judge_shapes, judge_stops, judge_subspace, judge_timing,
+    training_peaks, without_gru,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -51,7 +52,10 @@ pub fn judge_run(context: &Context, job: &Prepared, learned: &Learned, others: &
     let mut metrics = tally.metrics("held-out", context.config.seed);
     metrics.validation_soft_ratio =
         context.timed("judge: validation clips", || on_validation(&scene, split, &ours, learned, context))?;
-    context.timed("judge: subspaces", || judge_codecs(&mut metrics, &scene, learned, clips, context))?;
+    let subspace = context.timed("judge: subspaces", || judge_codecs(&scene, learned, clips, context))?;
+    let names: Vec<&str> = rivals.iter().map(|m| m.name()).collect();
+    metrics.over_time = over_time(&tally, &subspace, &names);
+    (metrics.subspace, metrics.subspace_by_subject) = (subspace.pooled, subspace.by_subject);
     let components = || count_components(context, body, &learned.pca, truth.as_ref(), split);
     metrics.components_95 = Some(context.timed("judge: components", components)?);
     metrics.fit = context.timed("judge: fit", || Ok(judge_fit(&scene, &all(split), context.monitor)?))?;
@@ -65,7 +69,9 @@ pub fn judge_run(context: &Context, job: &Prepared, learned: &Learned, others: &
     context.timed("judge: shapes", || {
         let mut asked = rivals.clone();
         asked.extend(oracle.iter().map(|m| m as &dyn Method));
-        shapes(&mut metrics, &scene, clips, &asked, context)
+        let weighs = |m: &BundleMethod| m.bundle.model.autoregressive().is_some();
+        let by_index = weighs(&ours) || others.iter().any(weighs);
+        shapes(&mut metrics, &scene, clips, &asked, by_index, context)
     })?;
     if context.config.method == Learns::Softsmpl {
         metrics.leak = context.timed("judge: leak", || judge_leak(context, body, fit, &all(split), &learned.bundle))?;
@@ -77,6 +83,7 @@ pub fn judge_run(context: &Context, job: &Prepared, learned: &Learned, others: &
         heard.extend(ladder.map(|m| m as &dyn Method));
         Ok(judge_stops(&mut metrics, body, &heard, &probes, context.monitor)?)
     })?;
+    context.timed("judge: time a frame", || timing(&mut metrics, &scene, clips, &rivals, context))?;
     metrics.peak_memory_bytes = peak_memory_bytes();
     metrics.method = Some(ours.name.clone());
     metrics.gates = acceptance(&metrics);
@@ -110,45 +117,64 @@ pub fn oracle(context: &Context, scans: &Scans) -> Result<Option<Oracle>> {
 /// Values of `beta[1]` at which the answer to body mass is measured (SoftSMPL fig. 8); the lowest is the heaviest.
 const SHAPES: [f32; 7] = [-2.5, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5];
 
-/// The heaviest subject's first test clip on bodies of other mass.
+/// Body mass indices of the sweep at one height (Dyna sec. 6.3), kg/m^2.
+const INDICES: [f32; 9] = [18.0, 20.0, 22.0, 24.0, 26.0, 28.0, 30.0, 32.0, 34.0];
+
+/// The heaviest subject's first test clip on bodies of other mass; `by_index` also by body mass index, which is a
+/// question to those who know of it and to whoever stands beside them.
 fn shapes(
+    metrics: &mut Metrics,
+    scene: &Scene,
+    clips: &[ClipId],
+    methods: &[&dyn Method],
+    by_index: bool,
+    context: &Context,
+) -> Result<()> {
+    let Some((beta, motion)) = heaviest_motion(scene, clips)? else { return Ok(()) };
+    judge_shapes(metrics, scene.body, methods, &beta, &motion, &SHAPES, context.monitor)?;
+    if by_index {
+        judge_bmi(metrics, scene.body, methods, &beta, &motion, &INDICES, context.monitor)?;
+    }
+    Ok(())
+}
+
+/// Shape of the heaviest subject, and the motion of their first clip.
+fn heaviest_motion(scene: &Scene, clips: &[ClipId]) -> Result<Option<(Vec<f32>, MotionClip)>> {
+    let Some(id) = heaviest(scene.fit, clips)? else { return Ok(None) };
+    let Some(motion) = scene.motion(&id, scene.main_channel())? else { return Ok(None) };
+    Ok(Some((scene.beta(&id)?, motion)))
+}
+
+fn timing(
     metrics: &mut Metrics,
     scene: &Scene,
     clips: &[ClipId],
     methods: &[&dyn Method],
     context: &Context,
 ) -> Result<()> {
-    let Some(id) = heaviest(scene.fit, clips)? else { return Ok(()) };
-    let Some(motion) = scene.motion(&id, scene.main_channel())? else { return Ok(()) };
-    Ok(judge_shapes(metrics, scene.body, methods, &scene.beta(&id)?, &motion, &SHAPES, context.monitor)?)
+    let Some((beta, motion)) = heaviest_motion(scene, clips)? else { return Ok(()) };
+    Ok(judge_timing(metrics, methods, &beta, &motion, context.monitor)?)
+}
+
+/// Error frame by frame of the heaviest subject's first takes: of the methods, the body alone and the simulator.
+pub fn over_time(tally: &Tally, subspace: &SubspaceTable, methods: &[&str]) -> Vec<ClipCurves> {
+    let names = [&["body"], methods, &[ORACLE]].concat();
+    let heaviest = tally.heaviest().map(ToOwned::to_owned);
+    curves(tally, subspace, &names, |id| id.take == 0 && heaviest.as_deref() == Some(&id.subject))
 }
 
 fn all(split: &Split) -> Vec<ClipId> {
     split.train.iter().chain(&split.validation).chain(&split.test).cloned().collect()
 }
 
-/// The subspaces on the clips of those whom they know; where everyone has their own, person by person too.
-fn judge_codecs(
-    metrics: &mut Metrics,
-    scene: &Scene,
-    learned: &Learned,
-    clips: &[ClipId],
-    context: &Context,
-) -> Result<()> {
+/// The subspaces on the clips of those whom they know.
+fn judge_codecs(scene: &Scene, learned: &Learned, clips: &[ClipId], context: &Context) -> Result<SubspaceTable> {
     let known = learned.codecs.iter().filter_map(|c| c.subjects.as_ref()).flatten();
     let known: BTreeSet<&str> = known.map(String::as_str).collect();
     let clips: Vec<ClipId> =
         clips.iter().filter(|id| known.is_empty() || known.contains(id.subject.as_str())).cloned().collect();
     let pairs: Vec<CodecPair> = learned.codecs.iter().map(LearnedCodec::pair).collect();
-    metrics.subspace = judge_subspace(scene, &pairs, &clips, context.monitor)?;
-    for subject in known {
-        let own: Vec<ClipId> = clips.iter().filter(|id| id.subject == subject).cloned().collect();
-        if !own.is_empty() {
-            let table = judge_subspace(scene, &pairs, &own, context.monitor)?;
-            metrics.subspace_by_subject.insert(subject.to_owned(), table);
-        }
-    }
-    Ok(())
+    Ok(judge_subspace(scene, &pairs, &clips, context.monitor)?)
 }
 
 fn bounded(

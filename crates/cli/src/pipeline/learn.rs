@@ -10,6 +10,7 @@ use super::motions::{descriptor, training_clips};
 use super::softsmpl::learn_softsmpl;
 use super::softtissue::learn_softtissue;
 use crate::config::Method;
+use crate::exit::InputError;
 use anyhow::{Context as _, Result};
 use serde_json::json;
 use softtissue_body::BodyModel;
@@ -126,11 +127,21 @@ fn ship(
     learned: &LearnedModel,
     bundle_dir: &Path,
 ) -> Result<Bundle> {
-    if !context.learns {
-        return Ok(Bundle::read(bundle_dir)?);
-    }
     let Material { body, fit, split, .. } = *material;
     let config = context.config;
+    if !context.learns {
+        let bundle = Bundle::read(bundle_dir)?;
+        bundle.require_topology(bundle_dir, &body.topology.hash())?;
+        let (found, wanted) = (&bundle.info.method, config.method_name());
+        if *found != wanted {
+            let message = format!(
+                "{} holds a bundle of {found}, but the run is one of {wanted}; judge it with --against, or train again",
+                bundle_dir.display()
+            );
+            return Err(InputError(message).into());
+        }
+        return Ok(bundle);
+    }
     let mut bundle = Bundle {
         info: BundleInfo {
             method: config.method_name(),

@@ -6,9 +6,10 @@ use super::job::Prepared;
 use super::judge::{Judgement, heaviest};
 use super::learn::Learned;
 use anyhow::Result;
+use softtissue_body::BodyModel;
 use softtissue_clips::ClipId;
-use softtissue_eval::Scene;
 use softtissue_eval::report::{ReportInput, StageTime, TrainingCurve, playback, write};
+use softtissue_eval::{Metrics, Scene, Tally};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -41,6 +42,37 @@ pub fn write_report(
         training: &training,
         body: &job.body,
         playback: &playback,
+    };
+    Ok(write(&input, path)?)
+}
+
+/// Writes the report of a protocol to `path`: what its folds were judged by. They keep nothing to play.
+pub fn write_protocol_report(
+    context: &Context,
+    title: &str,
+    body: &BodyModel,
+    metrics: &Metrics,
+    tally: &Tally,
+    path: &Path,
+) -> Result<()> {
+    let config = context.config;
+    let facts = [
+        ("program", format!("softtissue {}", env!("CARGO_PKG_VERSION"))),
+        ("method", config.method_name()),
+        ("seed", config.seed.to_string()),
+        ("device", config.device.clone()),
+    ]
+    .map(|(term, value)| (term.to_owned(), value));
+    let input = ReportInput {
+        title,
+        metrics,
+        tally: Some(tally),
+        decays: &[],
+        facts: &facts,
+        stages: &[],
+        training: &[],
+        body,
+        playback: &[],
     };
     Ok(write(&input, path)?)
 }

@@ -4,16 +4,17 @@ use crate::args::{EvalArgs, Protocol};
 use crate::exit::{InputError, UsageError};
 use crate::pipeline::{
     BundleMethod, Context, Learned, Opened, Prepared, fold, heaviest, import_or_open, learn, load_body,
-    needs_test_clips, open, open_others, oracle, prepare,
+    needs_test_clips, open, open_others, oracle, over_time, prepare, write_protocol_report,
 };
 use crate::run_folder::RunFolder;
 use crate::settings::stored;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
-use crate::verbs::train::{Provenance, finish, print_methods};
+use crate::verbs::train::{Provenance, finish};
 use anyhow::Result;
 use softtissue_eval::protocol::{Fold, FoldChoice, dyna_cases, leave_one_sequence_out, leave_one_subject_out};
-use softtissue_eval::{Method, Metrics, Scene, Tally, judge};
+use softtissue_eval::report::plain;
+use softtissue_eval::{Method, Metrics, Scene, SubspaceTable, Tally, judge};
 use softtissue_store::read_json;
 use std::path::Path;
 use std::sync::Arc;
@@ -68,17 +69,17 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
         }
         metrics
     } else {
-        protocol(args, &context, &opened)?
+        protocol(args, &context, &opened, &provenance.configuration)?
     };
     if args.json {
         crate::print_line(&serde_json::to_string(&metrics)?);
         return Ok(());
     }
-    print_methods(&metrics);
+    crate::print_line(plain::tables(&metrics).trim_end());
     Ok(())
 }
 
-fn protocol(args: &EvalArgs, context: &Context, base: &Opened) -> Result<Metrics> {
+fn protocol(args: &EvalArgs, context: &Context, base: &Opened, title: &str) -> Result<Metrics> {
     let (name, folds) = folds(args, context, base)?;
     let mut tally = Tally::default();
     let oracle = oracle(context, &base.scans)?;
@@ -101,10 +102,15 @@ fn protocol(args: &EvalArgs, context: &Context, base: &Opened) -> Result<Metrics
         }
         tally.merge(one);
     }
-    let metrics = tally.metrics(name, context.config.seed);
+    let mut metrics = tally.metrics(name, context.config.seed);
+    let method = context.config.method_name();
+    metrics.over_time = over_time(&tally, &SubspaceTable::default(), &[method.as_str()]);
+    metrics.method = Some(method);
     let path = context.run.root().join(format!("metrics-{name}.json"));
     metrics.write(&path)?;
-    crate::print_line(&format!("measures: {}", path.display()));
+    let report = context.run.root().join(format!("report-{name}")).join("index.html");
+    write_protocol_report(context, title, &base.body.model, &metrics, &tally, &report)?;
+    context.monitor.say(&format!("measures: {}\nreport: {}", path.display(), report.display()));
     Ok(metrics)
 }
 

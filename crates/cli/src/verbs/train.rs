@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use softtissue_bundle::Player;
 use softtissue_clips::Split;
-use softtissue_eval::Metrics;
+use softtissue_eval::report::plain;
 use softtissue_export::{Animation, GltfConfig, write_gltf};
 use softtissue_monitor::Monitor;
 use softtissue_store::{StoreError, read_json, write_json_atomic};
@@ -221,29 +221,10 @@ fn animate(job: &Prepared, learned: &Learned, folder: &RunFolder, monitor: &dyn 
     Ok(())
 }
 
-/// The methods' table, from the plainest up, on the main source of pose; the report has the others.
-pub fn print_methods(metrics: &Metrics) {
-    crate::print_line("");
-    crate::print_line(&format!("{:<34} {:>7}   {:>10}   {:>6}", "method", "mean mm", "soft ratio", "energy"));
-    let number = |x: Option<f64>, digits: usize| x.map_or_else(|| "-".into(), |x| format!("{x:.digits$}"));
-    for (name, m) in metrics.main_methods() {
-        let all = m.regions.get("all").and_then(|r| r.mean_mm);
-        let energy = m.regions.get("soft").and_then(|r| r.energy_ratio);
-        if all.is_some() {
-            crate::print_line(&format!(
-                "{name:<34} {:>7}   {:>10}   {:>6}",
-                number(all, 3),
-                number(m.soft_ratio, 3),
-                number(energy, 2)
-            ));
-        }
-    }
-}
-
 fn summary(judgement: &Judgement, folder: &RunFolder, seconds: f64) {
     let metrics = &judgement.metrics;
-    print_methods(metrics);
     crate::print_line("");
+    crate::print_line(&plain::methods(metrics));
     crate::print_line("acceptance                     found        asked");
     for (name, gate) in &metrics.gates {
         crate::print_line(&format!("{name:<30} {:<12} {:<18} {}", gate.found(), gate.asked(), gate.verdict()));

@@ -4,9 +4,10 @@ use softtissue_geometry::Frames;
 /// Regional rms speed below which flesh counts as still, so that a ratio of speeds says nothing: 20 mm/s.
 pub const STILL_MM_S: f64 = 20.0;
 
-/// Names under which regions are reported: three groups, then the single regions that move.
-pub const REPORTED: [&str; 9] =
-    ["all", "soft", "rigid", "belly", "chest", "buttocks", "thighs", "upper-arms", "calves"];
+/// Names under which regions are reported: three groups, the single regions that move, and belly and chest together,
+/// which Casas and Otaduy (2018) look at (figs. 7b and 7c).
+pub const REPORTED: [&str; 10] =
+    ["all", "soft", "rigid", "belly", "chest", "buttocks", "thighs", "upper-arms", "calves", "belly-chest"];
 
 /// The single regions a reported name stands for.
 pub fn members(name: &str) -> Vec<Region> {
@@ -14,6 +15,7 @@ pub fn members(name: &str) -> Vec<Region> {
         "all" => |_| true,
         "soft" => Region::is_soft,
         "rigid" => |r| !r.is_soft() && r != Region::Calves,
+        "belly-chest" => |r| matches!(r, Region::Belly | Region::Chest),
         _ => return Region::ALL.into_iter().filter(|r| r.name() == name).collect(),
     };
     Region::ALL.into_iter().filter(|r| take(*r)).collect()
@@ -75,6 +77,8 @@ pub struct RegionSums {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ErrorSums {
     regions: [RegionSums; Region::ALL.len()],
+    /// Sum of errors of each region in each frame, mm: the clips' frames one after the other.
+    frames: Vec<[f32; Region::ALL.len()]>,
 }
 
 impl ErrorSums {
@@ -87,9 +91,12 @@ impl ErrorSums {
         let mut sums = Self::default();
         for t in 0..reference.len() {
             let (p, r) = (predicted.frame(t), reference.frame(t));
+            let mut errors = [0.0; Region::ALL.len()];
             for (v, region) in regions.0.iter().enumerate() {
                 let s = &mut sums.regions[*region as usize];
-                s.error.add(f64::from((p[v] - r[v]).length()) * 1e3);
+                let error = f64::from((p[v] - r[v]).length()) * 1e3;
+                s.error.add(error);
+                errors[*region as usize] += error;
                 s.body_alone.add(f64::from(r[v].length()) * 1e3);
                 if t > 0 {
                     let (p0, r0) = (predicted.frame(t - 1)[v], reference.frame(t - 1)[v]);
@@ -97,6 +104,7 @@ impl ErrorSums {
                     s.reference_speed.add(f64::from((r[v] - r0).length() * fps) * 1e3);
                 }
             }
+            sums.frames.push(errors.map(|e| e as f32));
         }
         sums
     }
@@ -108,6 +116,7 @@ impl ErrorSums {
             a.speed.merge(&b.speed);
             a.reference_speed.merge(&b.reference_speed);
         }
+        self.frames.extend_from_slice(&other.frames);
     }
     /// Sums of one region.
     pub fn region(&self, region: Region) -> &RegionSums {
@@ -117,6 +126,23 @@ impl ErrorSums {
     pub fn error_mm(&self, name: &str) -> Option<(f64, f64)> {
         let total = self.total(&members(name), |s| s.error);
         Some((total.mean()?, total.std()?))
+    }
+    /// Mean error of a reported name's vertices in each frame, mm; empty where there is no vertex.
+    pub fn over_time(&self, name: &str) -> Vec<f32> {
+        let members = members(name);
+        let samples = self.total(&members, |s| s.error).count;
+        let vertices = samples as f32 / self.frames.len().max(1) as f32;
+        if vertices == 0.0 {
+            return vec![];
+        }
+        let sum = |frame: &[f32; Region::ALL.len()]| members.iter().map(|r| frame[*r as usize]).sum::<f32>();
+        self.frames.iter().map(|frame| sum(frame) / vertices).collect()
+    }
+    /// Standard deviation over frames of [`ErrorSums::over_time`], mm.
+    pub fn frame_std_mm(&self, name: &str) -> Option<f64> {
+        let mut moments = Moments::default();
+        self.over_time(name).into_iter().for_each(|mm| moments.add(f64::from(mm)));
+        moments.std()
     }
     /// Sum of errors over sum of body-alone errors, over all soft vertices and frames.
     pub fn soft_ratio(&self) -> Option<f64> {
@@ -141,17 +167,6 @@ impl ErrorSums {
         regions.iter().for_each(|r| total.merge(&part(self.region(*r))));
         total
     }
-}
-
-/// Mean error of a name's vertices in each frame, mm: the error over time.
-pub fn error_over_time(predicted: &Frames, reference: &Frames, vertices: &[u32]) -> Vec<f32> {
-    assert_eq!(predicted.len(), reference.len(), "frames to compare");
-    let mean = |t: usize| {
-        let (p, r) = (predicted.frame(t), reference.frame(t));
-        let sum: f64 = vertices.iter().map(|&v| f64::from((p[v as usize] - r[v as usize]).length())).sum();
-        (sum / vertices.len().max(1) as f64 * 1e3) as f32
-    };
-    (0..reference.len()).map(mean).collect()
 }
 
 #[cfg(test)]
@@ -231,8 +246,29 @@ mod tests {
         sums.merge(&ErrorSums::of(&shifted(4.0, 5), &wave([0.0; 5], 5, 60.0), &regions(), 60.0));
         assert!((sums.error_mm("all").unwrap().0 - 2.0).abs() < 1e-5);
         assert!(sums.soft_ratio().is_none(), "no truth to divide by");
-        let curve = error_over_time(&shifted(4.0, 5), &wave([0.0; 5], 5, 60.0), &[0, 3]);
-        assert_eq!(curve.len(), 5);
-        assert!(curve.iter().all(|e| (e - 4.0).abs() < 1e-5));
+        let curve = sums.over_time("soft");
+        assert_eq!(curve.len(), 15);
+        assert!(curve[..10].iter().all(|e| (e - 1.0).abs() < 1e-5) && (curve[14] - 4.0).abs() < 1e-5, "{curve:?}");
+        // two thirds of the frames at 1 mm, the others at 4
+        assert!((sums.frame_std_mm("all").unwrap() - 2.0f64.sqrt()).abs() < 1e-5);
+        assert!(sums.over_time("chest").is_empty() && sums.frame_std_mm("chest").is_none(), "it has no vertex");
+    }
+
+    #[test]
+    fn a_group_s_curve_is_the_mean_over_its_own_vertices() {
+        let reference = wave([0.0; 5], 3, 60.0);
+        let mut predicted = reference.clone();
+        for t in 0..3 {
+            predicted.frame_mut(t)[0] = Vec3::X * 0.001 * t as f32;
+            predicted.frame_mut(t)[2] = Vec3::Y * 0.006;
+        }
+        let sums = ErrorSums::of(&predicted, &reference, &regions(), 60.0);
+        let near = |name: &str, expected: [f32; 3]| {
+            let curve = sums.over_time(name);
+            assert!(curve.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{name}: {curve:?}");
+        };
+        near("belly-chest", [0.0, 0.5, 1.0]);
+        near("soft", [2.0, 7.0 / 3.0, 8.0 / 3.0]);
+        near("all", [1.2, 1.4, 1.6]);
     }
 }

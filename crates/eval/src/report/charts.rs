@@ -22,6 +22,11 @@ pub struct PageData {
     decays: Vec<RegionCurves>,
     training: Vec<RegionCurves>,
     shapes: Vec<(String, Vec<[f64; 2]>)>,
+    bmi: Vec<RegionCurves>,
+    people: Vec<RegionCurves>,
+    subspace_time: Vec<RegionCurves>,
+    subspace_people: Vec<(String, Vec<[f64; 2]>)>,
+    timing: Vec<(String, f64)>,
     mesh: Option<MeshData>,
     playback: Vec<Play>,
 }
@@ -92,6 +97,11 @@ impl PageData {
             decays: decays(input, &methods),
             training: training(input),
             shapes: input.metrics.shape_response.iter().map(|(n, c)| (n.clone(), c.clone())).collect(),
+            bmi: body_mass(input),
+            people: people(input, &methods),
+            subspace_time: subspace_time(input),
+            subspace_people: subspace_people(input),
+            timing: timing(input),
             mesh: (!playback.is_empty()).then(|| mesh(input)),
             playback,
             labels,
@@ -118,16 +128,31 @@ fn bar(input: &ReportInput, name: &str) -> MethodBar {
 
 fn over_time(input: &ReportInput, methods: &[String]) -> Vec<OverTime> {
     let clips = input.tally.map_or(&[][..], |t| &t.clips);
+    let other = |clip: &crate::ClipCurves, region: &str| {
+        let curve = |n: &String| {
+            let curve = clip.methods.get(n)?.get(region)?;
+            Some((n.clone(), curve.iter().map(|x| *x as f32).collect()))
+        };
+        let name = format!("{} · {}", clip.id(), if region == "all" { "all vertices" } else { "belly and chest" });
+        OverTime { clip: name, fps: clip.fps, curves: methods.iter().filter_map(curve).collect() }
+    };
+    let kept = &input.metrics.over_time;
+    let others = ["belly-chest", "all"].iter().flat_map(|region| kept.iter().map(|clip| other(clip, region)));
     let rounded = |x: &f32| (x * 1000.0).round() / 1000.0;
     clips
         .iter()
         .map(|clip| {
             let curve = |n: &String| {
                 let tally = clip.methods.get(n)?.as_ref()?;
-                Some((n.clone(), tally.soft_error_mm.iter().map(rounded).collect()))
+                Some((n.clone(), tally.reference.over_time("soft").iter().map(rounded).collect()))
             };
-            OverTime { clip: clip.id.to_string(), fps: clip.fps, curves: methods.iter().filter_map(curve).collect() }
+            OverTime {
+                clip: format!("{} · soft vertices", clip.id),
+                fps: clip.fps,
+                curves: methods.iter().filter_map(curve).collect(),
+            }
         })
+        .chain(others.filter(|o| !o.curves.is_empty()))
         .collect()
 }
 
@@ -140,6 +165,81 @@ fn subspace(input: &ReportInput) -> Vec<SubspaceRow> {
         scan_ae: m.scan_ae_mm,
     };
     input.metrics.subspace.iter().map(row).collect()
+}
+
+/// Error over time of each size, PCA and autoencoder, a chart a clip.
+fn subspace_time(input: &ReportInput) -> Vec<RegionCurves> {
+    let points = |mm: &[f64], fps: f32| -> Vec<[f64; 2]> {
+        mm.iter().enumerate().map(|(t, y)| [t as f64 / f64::from(fps), *y]).collect()
+    };
+    let chart = |clip: &crate::ClipCurves| {
+        let pair = |(latent, c): (&u32, &crate::CodecCurves)| {
+            let named = [(format!("PCA-{latent}"), &c.pca_mm), (format!("AE-{latent}"), &c.ae_mm)];
+            named.map(|(name, mm)| (name, points(mm, clip.fps)))
+        };
+        let curves = clip.subspace.iter().flat_map(pair).filter(|(_, c)| !c.is_empty()).collect();
+        RegionCurves { name: clip.id().to_string(), curves }
+    };
+    input.metrics.over_time.iter().map(chart).filter(|c| !c.curves.is_empty()).collect()
+}
+
+/// Points sorted along the axis, where everybody's shape is known.
+fn along_shape(input: &ReportInput, of: impl Fn(&str) -> Option<f64>) -> Vec<[f64; 2]> {
+    let people = input.metrics.people.iter();
+    let mut points: Vec<[f64; 2]> = people.filter_map(|(name, p)| Some([p.beta_1?, of(name)?])).collect();
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    points
+}
+
+/// Error by shape of each size, PCA and autoencoder.
+fn subspace_people(input: &ReportInput) -> Vec<(String, Vec<[f64; 2]>)> {
+    let tables = &input.metrics.subspace_by_subject;
+    let pair = |latent: &u32| {
+        let row = |name: &str| tables.get(name)?.get(latent);
+        let pca = along_shape(input, |n| row(n).and_then(|m| m.pca_mm.or(m.scan_pca_mm)));
+        let ae = along_shape(input, |n| row(n).and_then(|m| m.ae_mm.or(m.scan_ae_mm)));
+        [(format!("PCA-{latent}"), pca), (format!("AE-{latent}"), ae)]
+    };
+    input.metrics.subspace.keys().flat_map(pair).filter(|(_, c)| !c.is_empty()).collect()
+}
+
+/// Each method by shape.
+fn people(input: &ReportInput, methods: &[String]) -> Vec<RegionCurves> {
+    type Figure = fn(&crate::PersonFigures) -> Option<f64>;
+    let charts: [(&str, Figure); 4] = [
+        ("Soft ratio", |f| f.soft_ratio),
+        ("Error of soft vertices, mm", |f| f.soft_mm),
+        ("Error of all vertices, mm", |f| Some(f.mean_mm)),
+        ("Energy", |f| f.energy_ratio),
+    ];
+    let chart = |(name, figure): (&str, Figure)| {
+        let of = |m: &String| {
+            let person = |n: &str| input.metrics.people.get(n)?.methods.get(m).and_then(figure);
+            (m.clone(), along_shape(input, person))
+        };
+        let curves = methods.iter().map(of).filter(|(_, c)| !c.is_empty()).collect();
+        RegionCurves { name: name.to_owned(), curves }
+    };
+    charts.into_iter().map(chart).filter(|c| !c.curves.is_empty()).collect()
+}
+
+fn body_mass(input: &ReportInput) -> Vec<RegionCurves> {
+    let chart = |name: &str, figure: fn(&crate::BmiMetrics) -> f64| {
+        let curve =
+            |(n, c): (&String, &Vec<crate::BmiMetrics>)| (n.clone(), c.iter().map(|p| [p.bmi, figure(p)]).collect());
+        RegionCurves { name: name.to_owned(), curves: input.metrics.bmi_response.iter().map(curve).collect() }
+    };
+    let charts = [
+        chart("Mean vertex speed of the deltas, mm/s", |p| p.speed_mm_s),
+        chart("Amplitude of soft vertices, mm", |p| p.amplitude_mm),
+    ];
+    charts.into_iter().filter(|c| !c.curves.is_empty()).collect()
+}
+
+fn timing(input: &ReportInput) -> Vec<(String, f64)> {
+    let mut times: Vec<_> = input.metrics.timing.iter().map(|(n, t)| (n.clone(), t.whole_ms)).collect();
+    times.sort_by(|a, b| by_rank(&a.0, &b.0));
+    times
 }
 
 fn spectra(input: &ReportInput, methods: &[String]) -> Vec<RegionCurves> {

@@ -2,8 +2,10 @@
 //! prediction side by side.
 
 mod charts;
+mod comparisons;
 mod pack;
 mod page;
+pub mod plain;
 mod playback;
 mod tables;
 mod text;

@@ -2,7 +2,7 @@
 
 use super::charts::PageData;
 use super::text::{escape, thousands};
-use super::{ReportInput, tables};
+use super::{ReportInput, comparisons, tables};
 use crate::{EvalError, Result};
 use std::fmt::Write;
 
@@ -77,7 +77,7 @@ struct Section {
 }
 
 /// Which sections there are, for the bar at the top.
-fn nav(input: &ReportInput) -> [(&'static str, &'static str, bool); 8] {
+fn nav(input: &ReportInput) -> [(&'static str, &'static str, bool); 9] {
     let m = input.metrics;
     [
         ("view", "See it move", !input.playback.is_empty()),
@@ -86,6 +86,7 @@ fn nav(input: &ReportInput) -> [(&'static str, &'static str, bool); 8] {
         ("motion", "Motion", !m.methods.is_empty()),
         ("subspace", "Subspace", !m.subspace.is_empty()),
         ("leak", "Leak", !m.leak.is_empty()),
+        ("timing", "Time", !m.timing.is_empty()),
         ("fit", "Fit", m.fit.is_some() || !m.fit_objectives.is_empty()),
         ("run", "Run", !input.facts.is_empty() || !input.stages.is_empty() || !input.training.is_empty()),
     ]
@@ -105,6 +106,7 @@ fn sections(input: &ReportInput, data: &PageData) -> Vec<Section> {
             "motion" => motion(input),
             "subspace" => subspace(input),
             "leak" => LEAK.to_owned() + &tables::leak(m),
+            "timing" => comparisons::timing(m) + "<div class=\"chart\" id=\"chart-timing\"></div>",
             "fit" => tables::fit(m),
             _ => {
                 tables::run(input)
@@ -148,6 +150,16 @@ fn errors(input: &ReportInput) -> String {
     if input.tally.is_some_and(|t| !t.clips.is_empty()) {
         out += "<h3>Error over time</h3><div class=\"chart pick\" id=\"chart-time\"></div>";
     }
+    let sequences = comparisons::sequences(m);
+    if !sequences.is_empty() {
+        out += "<h3>What was left out</h3><p>Mean ± standard deviation over frames of each frame's mean error.</p>";
+        out += &sequences;
+    }
+    if m.people.len() > 1 {
+        out += "<h3>Error by shape</h3><p>The same, person by person: beta 1 falls as mass rises.</p>\
+                <div class=\"chart pick\" id=\"chart-people\"></div>";
+        out += &comparisons::people(m);
+    }
     if !m.clips.is_empty() {
         out += "<details><summary>Clip by clip</summary>";
         out += &tables::clips(m);
@@ -179,6 +191,10 @@ fn motion(input: &ReportInput) -> String {
         out += "<h3>Speed against body mass</h3><p>The same motion on other bodies: beta 1 falls as mass rises.</p>\
                 <div class=\"chart\" id=\"chart-shapes\"></div>";
     }
+    if !m.bmi_response.is_empty() {
+        out += "<h3>Body mass at one height</h3><p>The same motion on bodies of one height and another body mass index.</p>\
+                <div class=\"chart pick\" id=\"chart-bmi\"></div>";
+    }
     if !input.decays.is_empty() {
         out += "<h3>Free decay after landing</h3><p>The motion has ended; what is left is the flesh's own ringing.</p>\
                 <div class=\"chart pick\" id=\"chart-decay\"></div>";
@@ -196,8 +212,15 @@ fn subspace(input: &ReportInput) -> String {
     } else {
         "Scan deltas in, error against them, mean over all vertices."
     };
-    format!(
+    let mut out = format!(
         "<p>{lead} Both see the same few numbers a frame.</p><div class=\"chart\" id=\"chart-subspace\"></div>{}",
         tables::subspace(input.metrics)
-    )
+    );
+    if input.metrics.over_time.iter().any(|c| !c.subspace.is_empty()) {
+        out += "<h3>Over time</h3><div class=\"chart pick\" id=\"chart-subspace-time\"></div>";
+    }
+    if input.metrics.subspace_by_subject.len() > 1 {
+        out += "<h3>By shape</h3><div class=\"chart\" id=\"chart-subspace-people\"></div>";
+    }
+    out
 }

@@ -13,17 +13,17 @@ fn names(metrics: &Metrics, take: impl Fn(&str) -> bool) -> Vec<&str> {
 }
 
 /// Opens a table row for a method.
-fn method_row(out: &mut String, name: &str) {
+pub(super) fn method_row(out: &mut String, name: &str) {
     let class = if name == OURS { " class=\"ours\"" } else { "" };
     let _ = write!(out, "<tr{class}><th scope=\"row\">{}</th>", escape(&method_label(name)));
 }
 
-fn cell(out: &mut String, text: &str, class: &str) {
+pub(super) fn cell(out: &mut String, text: &str, class: &str) {
     let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
     let _ = write!(out, "<td{class}>{text}</td>");
 }
 
-fn optional(out: &mut String, value: Option<f64>) {
+pub(super) fn optional(out: &mut String, value: Option<f64>) {
     cell(out, &value.map_or_else(|| "–".into(), number), if value.is_none() { "none" } else { "" });
 }
 
@@ -31,7 +31,7 @@ fn optionals(out: &mut String, values: &[Option<f64>]) {
     values.iter().for_each(|v| optional(out, *v));
 }
 
-fn head(columns: &[&str]) -> String {
+pub(super) fn head(columns: &[&str]) -> String {
     let mut out = "<div class=\"scroll\"><table><thead><tr>".to_owned();
     for c in columns {
         let class = if *c == WORDS { " class=\"words\"" } else { "" };
@@ -43,7 +43,7 @@ fn head(columns: &[&str]) -> String {
 /// The one column that holds words.
 const WORDS: &str = "What it says";
 
-const TAIL: &str = "</tbody></table></div>";
+pub(super) const TAIL: &str = "</tbody></table></div>";
 
 /// The figures a reader looks for first, as cards.
 pub fn headline(metrics: &Metrics) -> String {
@@ -267,12 +267,7 @@ pub fn subspace(metrics: &Metrics) -> String {
     let change = |a: Option<f64>, b: Option<f64>| {
         a.zip(b).map_or_else(|| "–".into(), |(a, b)| format!("{:+.1} %", (a / b - 1.0) * 100.0))
     };
-    let by_subject = metrics
-        .subspace_by_subject
-        .iter()
-        .flat_map(|(name, table)| table.iter().map(move |(latent, m)| (format!("{latent}, {}", escape(name)), m)));
-    let rows = metrics.subspace.iter().map(|(latent, m)| (latent.to_string(), m)).chain(by_subject);
-    for (latent, m) in rows {
+    for (latent, m) in &metrics.subspace {
         let kept =
             if m.residual_kept == Some(false) { " <span class=\"chip missed\">validation kept PCA</span>" } else { "" };
         let _ = write!(out, "<tr><th scope=\"row\">{latent}{kept}</th>");

@@ -82,7 +82,7 @@ function frame(host, title) {
   return top;
 }
 
-// Lines over a common axis. options: title, x, y (labels), series [{name, label, colour, points}], log, zero, height,
+// Lines over a common axis. options: title, x, y (labels), series [{name, label, colour, points, dashed}], log, zero, height,
 // unit; `choose` {names, index, change} puts a chooser at the top; `hidden` is a set of names switched off.
 function lineChart(host, options) {
   const top = frame(host, options.title || "");
@@ -100,6 +100,7 @@ function lineChart(host, options) {
     entry.type = "button";
     const dash = element("i");
     dash.style.borderColor = s.colour;
+    if (s.dashed) dash.style.borderStyle = "dashed";
     entry.append(dash, s.label);
     entry.addEventListener("click", () => {
       if (!hidden.delete(s.name)) hidden.add(s.name);
@@ -140,7 +141,7 @@ function lineChart(host, options) {
   for (const s of shown) {
     const d = s.points.map(([x, y], i) => (i ? "L" : "M") + px(x).toFixed(1) + " " + py(y).toFixed(1)).join("");
     const ours = s.name === "truth" || s.name === "softtissue";
-    make("path", { d, fill: "none", style: `stroke:${s.colour}`, "stroke-width": ours ? 2.2 : 1.4, "stroke-linejoin": "round" }, svg);
+    make("path", { d, fill: "none", style: `stroke:${s.colour}`, "stroke-width": ours ? 2.2 : 1.4, "stroke-linejoin": "round", "stroke-dasharray": s.dashed ? "6 4" : "none" }, svg);
   }
   const cursor = make("line", { class: "cursor", y1: pad.top, y2: height - pad.bottom, visibility: "hidden" }, svg);
   const place = (x) => {

@@ -9,6 +9,10 @@
   const colour = (name, i) => colours[name] || colourOf(name, i || 0);
   const label = (name) => data.labels[name] || name;
   const series = (curves) => curves.map(([name, points], i) => ({ name, label: label(name), colour: colour(name, i), points }));
+  // PCA and the autoencoder of one size share a colour; PCA is dashed.
+  const sizes = (curves) => curves.map(([name, points], i) => ({
+    name, label: name, colour: `var(--c${(i >> 1) % 7})`, dashed: name.startsWith("PCA"), points,
+  }));
   const strong = (name) => name === "softtissue";
 
   // The first view of many lines shows the ones that matter; the others are a click away.
@@ -27,7 +31,7 @@
   }
 
   const drawTime = chooser("chart-time", data.over_time, (clip) => ({
-    title: "Mean error of soft vertices", x: "seconds", xUnit: "s", y: "mm", unit: "mm", zero: true,
+    title: "Mean error", x: "seconds", xUnit: "s", y: "mm", unit: "mm", zero: true,
     series: series(clip.curves.map(([name, values]) => [name, values.map((y, t) => [t / clip.fps, y])])),
   }));
   const drawSpectra = chooser("chart-spectra", data.spectra, (region) => ({
@@ -46,10 +50,29 @@
     });
   }
 
+  const drawPeople = chooser("chart-people", data.people, (chart) => ({
+    title: chart.name, x: "beta 1 (heavier to the left)", y: "", zero: true, series: series(chart.curves),
+  }));
+  const drawBmi = chooser("chart-bmi", data.bmi, (chart) => ({
+    title: chart.name, x: "body mass index, kg/m²", xUnit: "kg/m²", y: "", zero: true, series: series(chart.curves),
+  }));
+  const drawSubspaceTime = chooser("chart-subspace-time", data.subspace_time, (clip) => ({
+    title: "Mean error of all vertices", x: "seconds", xUnit: "s", y: "mm", unit: "mm", zero: true, series: sizes(clip.curves),
+  }));
+
+  function drawSubspacePeople() {
+    if (at("chart-subspace-people")) lineChart(at("chart-subspace-people"), {
+      title: "Mean error of all vertices by person", x: "beta 1 (heavier to the left)", y: "mm", unit: "mm", zero: true, series: sizes(data.subspace_people),
+    });
+  }
+
   function drawBars() {
     const row = (value) => (b) => ({ label: label(b.name), value: b[value], colour: colour(b.name), strong: strong(b.name) });
     if (at("chart-soft")) barChart(at("chart-soft"), { title: "Soft ratio: error over the body's own (less is better)", rows: data.bars.map(row("soft_ratio")) });
     if (at("chart-energy")) barChart(at("chart-energy"), { title: "Energy: speed over the true one (1 is right)", rows: data.bars.map(row("energy")), limits: [1] });
+    if (at("chart-timing")) barChart(at("chart-timing"), {
+      title: "Milliseconds a frame, one core (less is better)", rows: data.timing.map(([name, value]) => ({ label: label(name), value, colour: colour(name), strong: strong(name) })),
+    });
     if (at("chart-subspace") && data.subspace.length) {
       const truth = data.subspace.some((s) => s.pca !== null);
       groupChart(at("chart-subspace"), {
@@ -74,7 +97,7 @@
   const player = data.mesh && new Player(data, (seconds) => placeCursor && placeCursor(seconds), (clip, curves) => { playing = [clip, curves]; drawPlay(); });
 
   function drawAll() {
-    [drawTime, drawSpectra, drawShapes, drawDecay, drawTraining, drawBars, drawPlay].forEach((draw) => draw());
+    [drawTime, drawSpectra, drawShapes, drawPeople, drawBmi, drawSubspaceTime, drawSubspacePeople, drawDecay, drawTraining, drawBars, drawPlay].forEach((draw) => draw());
   }
   drawAll();
   let width = innerWidth;
