@@ -1,3 +1,4 @@
 //! Integration tests of the customs office.
 
+mod arrays;
 mod obj;
