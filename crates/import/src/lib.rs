@@ -2,11 +2,12 @@
 //! [`ImportLimits`] before memory is taken for it, and leaves as clips of ours.
 //!
 //! So far: OBJ sequences in a known template topology ([`import_obj_sequences`]), single OBJ meshes whose vertex order
-//! does not matter ([`read_mesh`]), and NumPy's arrays ([`arrays`]).
+//! does not matter ([`read_mesh`]), NumPy's arrays ([`arrays`]), and motions ([`motion`]).
 
 mod archive;
 pub mod arrays;
 mod error;
+pub mod motion;
 mod natural;
 mod obj;
 mod place;

@@ -6,6 +6,7 @@ mod contact_sheet;
 mod controls;
 pub mod eval;
 pub mod fit;
+mod foreign_motion;
 pub mod import;
 pub mod inspect;
 pub mod synth;
