@@ -38,7 +38,7 @@ impl MotionSourceArgs {
 /// Puts a motion onto a body, at `fps` frames a second or the file's rate.
 pub fn moved(path: &Path, read: &ReadMotion, body: &BodyModel, shaped: &ShapedBody, fps: Option<f32>) -> Result<Moved> {
     let id = ClipId::new("imported", file_name(path), 0);
-    let retargeted = retarget(path, read, id, body, shaped, &RetargetConfig::default())?;
+    let retargeted = retarget(path, read, id, &body.skeleton, shaped, &RetargetConfig::default())?;
     let clip = resample(&retargeted.clip, fps.unwrap_or(retargeted.clip.fps), path)?;
     let mut line = format!("{}: {}", path.display(), read.facts.sentence());
     retargeted.notes.iter().for_each(|note| line.push_str(&format!("; {note}")));

@@ -14,6 +14,8 @@ const FARTHEST: [f64; 3] = [0.87, 1.4, 0.8];
 const OFF_AXIS: f64 = 0.45;
 /// Collar bones, hands and feet that lie within this of ours are meant as ours are, radians.
 const SAME: f64 = 1.0;
+/// Cosine of the angle to straight ahead up to which a limb can be told front from back.
+const ACROSS: f64 = 0.8;
 /// Frames that are looked at where the rest pose does not serve.
 const LOOKED_AT: usize = 400;
 
@@ -58,19 +60,15 @@ impl Alignment {
         let person = &source.person;
         let at = |j: usize| pose.positions[j];
         let mut ours = [trunk; JOINTS];
-        // the bone's direction, as near to the parent's as can be
-        let bent = |parent: DQuat, ours: DVec3, theirs: DVec3| {
-            DQuat::from_rotation_arc((parent * ours).normalize(), theirs.normalize()) * parent
-        };
         let near = |parent: DQuat, ours: DVec3, theirs: DVec3| {
             let same = (parent * ours).angle_between(theirs) < SAME;
-            if same { parent } else { bent(parent, ours, theirs) }
+            if same { parent } else { limb(trunk, ours, theirs) }
         };
         for side in 0..2 {
             let (leg, arm) = (&person.legs[side], &person.arms[side]);
             let bone = |from: usize, to: usize| figure.bone(from, to);
-            ours[HIP[side]] = bent(trunk, bone(HIP[side], KNEE[side]), at(leg.knee) - at(leg.hip));
-            ours[KNEE[side]] = bent(ours[HIP[side]], bone(KNEE[side], ANKLE[side]), at(leg.ankle) - at(leg.knee));
+            ours[HIP[side]] = limb(trunk, bone(HIP[side], KNEE[side]), at(leg.knee) - at(leg.hip));
+            ours[KNEE[side]] = limb(trunk, bone(KNEE[side], ANKLE[side]), at(leg.ankle) - at(leg.knee));
             if let Some(toe) = leg.toe {
                 ours[ANKLE[side]] = foot(trunk, bone(ANKLE[side], BALL[side]), at(toe) - at(leg.ankle));
             }
@@ -78,12 +76,12 @@ impl Alignment {
             if let Some(collar) = arm.collar.filter(|c| at(*c).distance(at(arm.shoulder)) > 1e-6) {
                 ours[COLLAR[side]] = near(trunk, bone(COLLAR[side], SHOULDER[side]), at(arm.shoulder) - at(collar));
             }
-            ours[SHOULDER[side]] = bent(trunk, bone(SHOULDER[side], ELBOW[side]), at(arm.elbow) - at(arm.shoulder));
+            ours[SHOULDER[side]] = limb(trunk, bone(SHOULDER[side], ELBOW[side]), at(arm.elbow) - at(arm.shoulder));
             ours[ELBOW[side]] = ours[SHOULDER[side]];
             ours[WRIST[side]] = ours[SHOULDER[side]];
             if let Some(wrist) = arm.wrist {
                 let forearm = at(wrist) - at(arm.elbow);
-                ours[ELBOW[side]] = bent(ours[SHOULDER[side]], bone(ELBOW[side], WRIST[side]), forearm);
+                ours[ELBOW[side]] = limb(trunk, bone(ELBOW[side], WRIST[side]), forearm);
                 ours[WRIST[side]] = ours[ELBOW[side]];
                 if let Some(tip) = person.tip(&source.motion.skeleton, wrist) {
                     let tip = pose.rotations[wrist] * tip;
@@ -93,6 +91,19 @@ impl Alignment {
             ours[HAND[side]] = ours[WRIST[side]];
         }
         Self { reference: pose.rotations.clone(), ours, frame }
+    }
+}
+
+/// A bone that points the same way, with the same side ahead: how it came there does not matter, so T-pose, A-pose and
+/// hanging arms agree.
+fn limb(trunk: DQuat, ours: DVec3, theirs: DVec3) -> DQuat {
+    let ahead = trunk * DVec3::Z;
+    let across = |v: DVec3, ahead: DVec3| v.normalize().dot(ahead).abs() < ACROSS;
+    if across(theirs, ahead) && across(ours, DVec3::Z) {
+        let side = |bone: DVec3, ahead: DVec3| frame(bone.cross(ahead).normalize(), bone.normalize());
+        side(theirs, ahead) * side(ours, DVec3::Z).inverse()
+    } else {
+        DQuat::from_rotation_arc((trunk * ours).normalize(), theirs.normalize()) * trunk
     }
 }
 

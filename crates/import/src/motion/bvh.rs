@@ -62,6 +62,13 @@ impl Hierarchy {
                 Some(rest) => (rest.trim_end(), true),
                 None => (line, false),
             };
+            if let Some(block) = waiting.take() {
+                if !(brace && line.is_empty()) {
+                    return Err(text.error("a { is missing before this line"));
+                }
+                open.push(block);
+                continue;
+            }
             let (keyword, rest) = line.split_once(|c: char| c.is_ascii_whitespace()).unwrap_or((line, ""));
             let opens = match keyword.to_ascii_uppercase().as_str() {
                 "" => None,
@@ -83,17 +90,10 @@ impl Hierarchy {
                     open.pop().ok_or_else(|| text.error("a } without its {"))?;
                     None
                 }
-                "MOTION" if open.is_empty() && waiting.is_none() => break,
+                "MOTION" if open.is_empty() => break,
                 "MOTION" => return Err(text.error(format!("MOTION comes before {} braces are closed", open.len()))),
                 _ => return Err(text.error(format!("{:?} is no part of a skeleton", excerpt(keyword)))),
             };
-            if let Some(block) = waiting.take() {
-                if opens.is_some() || !brace || !line.is_empty() {
-                    return Err(text.error("a { is missing before this line"));
-                }
-                open.push(block);
-                continue;
-            }
             match (opens, brace) {
                 (Some(block), true) => open.push(block),
                 (Some(block), false) => waiting = Some(block),

@@ -1,5 +1,5 @@
 use glam::{DQuat, DVec3};
-use softtissue_body::{BodyModel, ShapedBody, Skeleton};
+use softtissue_body::{ShapedBody, Skeleton};
 
 /// Joints of our skeleton.
 pub(super) const JOINTS: usize = 24;
@@ -34,15 +34,15 @@ pub(super) struct Figure {
 
 impl Figure {
     /// `None` for a body with another skeleton.
-    pub fn new(body: &BodyModel, shaped: &ShapedBody) -> Option<Self> {
-        if body.skeleton != Skeleton::smpl() || shaped.vertices.is_empty() {
+    pub fn new(skeleton: &Skeleton, shaped: &ShapedBody) -> Option<Self> {
+        if *skeleton != Skeleton::smpl() || shaped.joints.len() != JOINTS || shaped.vertices.is_empty() {
             return None;
         }
         let sole = shaped.vertices.iter().map(|v| v.y).fold(f32::INFINITY, f32::min);
         Some(Self {
             rest: std::array::from_fn(|j| shaped.joints[j].as_dvec3()),
             sole: f64::from(sole),
-            parents: std::array::from_fn(|j| body.skeleton.parents[j].map(usize::from)),
+            parents: std::array::from_fn(|j| skeleton.parents[j].map(usize::from)),
         })
     }
 

@@ -10,7 +10,7 @@ use super::resample::axis_angle;
 use crate::{ImportError, Result};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
-use softtissue_body::{BodyModel, ShapedBody};
+use softtissue_body::{ShapedBody, Skeleton};
 use softtissue_clips::{ClipId, MotionClip};
 use softtissue_geometry::Frames;
 use std::path::Path;
@@ -30,7 +30,7 @@ pub struct Retargeted {
     pub notes: Vec<String>,
 }
 
-/// Puts a motion onto our skeleton at one shape.
+/// Puts a motion onto our skeleton at one shape of a body.
 ///
 /// Bones: the two skeletons are laid over each other in the source's rest pose (or, where that is no standing person, in
 /// the frame that is most like one), and each of our joints then turns as the source's does. The spine's turn is shared
@@ -43,12 +43,12 @@ pub fn retarget(
     path: &Path,
     source: &ReadMotion,
     id: ClipId,
-    body: &BodyModel,
+    skeleton: &Skeleton,
     shaped: &ShapedBody,
     config: &RetargetConfig,
 ) -> Result<Retargeted> {
     let refuse = |reason: String| ImportError::file(path, reason);
-    let figure = Figure::new(body, shaped)
+    let figure = Figure::new(skeleton, shaped)
         .ok_or_else(|| refuse("the body to be moved has another skeleton than SMPL's 24 joints".into()))?;
     let alignment = Alignment::find(source, &figure).map_err(refuse)?;
     let mut notes = Vec::new();
