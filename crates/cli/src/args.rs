@@ -31,7 +31,7 @@ pub enum Verb {
     Fit(FitArgs),
     /// Bring other people's data into our form.
     Import(ImportArgs),
-    /// Say of a file or folder of ours what it is and what is wrong with it.
+    /// Say of a file or folder what it is and what is wrong with it.
     Inspect(InspectArgs),
     /// Print, check or explain every setting.
     Config(ConfigArgs),
@@ -145,7 +145,7 @@ pub struct AnimateArgs {
     pub motion: String,
     /// What a foreign motion does not say.
     #[command(flatten)]
-    pub source_args: MotionSourceArgs,
+    pub foreign: MotionSourceArgs,
     /// Shape coefficients separated by commas; default: the mean shape.
     #[arg(long, value_name = "B0,B1,...", allow_hyphen_values = true)]
     pub shape: Option<String>,
@@ -203,8 +203,11 @@ pub struct FitArgs {
 /// `inspect`.
 #[derive(Debug, Args)]
 pub struct InspectArgs {
-    /// A clip, a set of clips, a run, a bundle or a mesh.
+    /// A clip, a set of clips, a run, a bundle, a mesh or a foreign motion.
     pub path: PathBuf,
+    /// Write a thumbnail of a foreign motion.
+    #[arg(long, value_name = "FILE.png")]
+    pub picture: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,

@@ -54,7 +54,7 @@ pub struct ImportMotionArgs {
     pub fps: Option<f32>,
     /// What the file does not say.
     #[command(flatten)]
-    pub source_args: MotionSourceArgs,
+    pub foreign: MotionSourceArgs,
     /// Settings (for the body that moves).
     #[command(flatten)]
     pub settings: Settings,

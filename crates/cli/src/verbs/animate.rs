@@ -111,7 +111,7 @@ fn motion(args: &AnimateArgs, bundle: &Bundle, beta: &[f32], monitor: &dyn Monit
     }
     let path = Path::new(&args.motion);
     if is_motion_file(path) {
-        let read = args.source_args.read(path)?;
+        let read = args.foreign.read(path)?;
         let moved = moved(path, &read, &bundle.body, &bundle.body.shaped(beta), Some(fps))?;
         monitor.say(&moved.line);
         return Ok(moved.clip);

@@ -9,6 +9,7 @@ pub mod fit;
 mod foreign_motion;
 pub mod import;
 pub mod inspect;
+mod inspect_motion;
 pub mod synth;
 pub mod train;
 

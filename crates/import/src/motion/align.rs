@@ -69,7 +69,7 @@ impl Alignment {
             let bone = |from: usize, to: usize| figure.bone(from, to);
             ours[HIP[side]] = limb(trunk, bone(HIP[side], KNEE[side]), at(leg.knee) - at(leg.hip));
             ours[KNEE[side]] = limb(trunk, bone(KNEE[side], ANKLE[side]), at(leg.ankle) - at(leg.knee));
-            if let Some(toe) = leg.toe {
+            if let Some(toe) = leg.toe.filter(|t| at(*t).distance(at(leg.ankle)) > 1e-6) {
                 ours[ANKLE[side]] = foot(trunk, bone(ANKLE[side], BALL[side]), at(toe) - at(leg.ankle));
             }
             ours[BALL[side]] = ours[ANKLE[side]];
@@ -166,6 +166,5 @@ fn misfit(person: &Person, figure: &Figure, pose: &ForeignPose, trunk: DQuat) ->
             worst = worst.max((at[wrist] - at[arm.elbow]).angle_between(upper) / FARTHEST[2]);
         }
     }
-    // a bone without length has no direction
-    if worst.is_finite() { worst } else { f64::INFINITY }
+    worst
 }

@@ -25,7 +25,7 @@ pub struct ForeignMotion {
     pub fps: f64,
     /// `[T, J]` rotations relative to the parent.
     pub rotations: Vec<DQuat>,
-    /// Joints that have a position of their own in every frame.
+    /// Joints that have a position of their own in every frame, ascending.
     pub moving: Vec<usize>,
     /// `[T, moving]` these positions relative to the parent, in place of the offset.
     pub positions: Vec<DVec3>,
@@ -118,7 +118,7 @@ impl ForeignMotion {
         let rotations = &self.rotations[t * joints..(t + 1) * joints];
         let positions = &self.positions[t * moving..(t + 1) * moving];
         let at = |j: usize| {
-            let own = self.moving.iter().position(|m| *m == j);
+            let own = self.moving.binary_search(&j);
             own.map_or(self.skeleton.offsets[j], |k| positions[k])
         };
         self.skeleton.posed(|j| rotations[j], at)

@@ -22,7 +22,7 @@ pub(super) fn reach(
     let lower = *shank * figure.bone(KNEE[side], ANKLE[side]);
     let (a, b) = (upper.length(), lower.length());
     let wanted = target - hip;
-    let distance = wanted.length().clamp((a - b).abs() + 0.02, (a + b) * LONGEST);
+    let distance = wanted.length().max((a - b).abs() + 0.02).min((a + b) * LONGEST);
     let bend_of = |d: f64| ((d * d - a * a - b * b) / (2.0 * a * b)).clamp(-1.0, 1.0).acos();
     // knees bend about the x axis of our rest pose
     let axis = (upper.cross(lower) / (a * b) + *thigh * DVec3::X * OWN_AXIS).normalize_or(DVec3::X);

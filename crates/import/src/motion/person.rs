@@ -83,7 +83,7 @@ impl Naming {
 const THIGH: &[&str] = &["femur", "upleg", "upperleg", "thigh", "thighbend", "hip"];
 const SHANK: &[&str] = &["tibia", "leg", "lowleg", "lowerleg", "shin", "calf", "knee"];
 const ANKLE: &[&str] = &["ankle", "foot"];
-const TOE: &[&str] = &["toe", "toes", "toebase", "ball", "foot"];
+const TOE: &[&str] = &["toe", "toes", "ball", "foot"];
 const COLLAR: &[&str] = &["clavicle", "collar", "collarbone", "shoulder"];
 const UPPER_ARM: &[&str] = &["humerus", "arm", "uparm", "upperarm", "shldr", "shldrbend", "shoulder"];
 const FOREARM: &[&str] = &["radius", "forearm", "forearmbend", "lowarm", "lowerarm", "elbow"];
@@ -232,7 +232,7 @@ impl Side<'_> {
 fn sided(name: &str) -> (Option<usize>, String) {
     let name = name.rsplit([':', '|']).next().unwrap_or(name);
     let mut words: Vec<String> = words(name);
-    words.retain(|w| !matches!(w.as_str(), "bip" | "def" | "jnt" | "bind" | "mixamorig" | "character"));
+    words.retain(|w| !matches!(w.as_str(), "bip" | "def" | "jnt" | "bind" | "mixamorig" | "character" | "cc" | "base"));
     let of = |w: &str| match w {
         "l" | "left" => Some(0),
         "r" | "right" => Some(1),
@@ -285,13 +285,14 @@ mod tests {
             ("LHipJoint", Some(0), "hipjoint"),
             ("rhumerus", Some(1), "humerus"),
             ("lowerback", None, "lowerback"),
-            ("mixamorig:RightToeBase", Some(1), "toebase"),
+            ("mixamorig:RightToeBase", Some(1), "toe"),
             ("Bip01 L UpperArm", Some(0), "upperarm"),
             ("upperarm_r", Some(1), "upperarm"),
             ("lShldr", Some(0), "shldr"),
             ("RFingers", Some(1), "fingers"),
             ("left_foot", Some(0), "foot"),
             ("Spine1", None, "spine"),
+            ("CC_Base_L_Thigh", Some(0), "thigh"),
             ("radius", None, "radius"),
         ] {
             assert_eq!(sided(name), (side, rest.to_owned()), "{name}");

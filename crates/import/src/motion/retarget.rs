@@ -15,6 +15,9 @@ use softtissue_clips::{ClipId, MotionClip};
 use softtissue_geometry::Frames;
 use std::path::Path;
 
+/// Leg lengths of people over each other.
+const LEG_RATIO: std::ops::RangeInclusive<f64> = 0.2..=5.0;
+
 /// A motion on our skeleton, and what was done to it.
 #[derive(Clone, Debug)]
 pub struct Retargeted {
@@ -57,8 +60,11 @@ pub fn retarget(
     }
     let person = &source.person;
     let scale = figure.leg_length() / person.leg_length(&source.motion.skeleton.rest());
-    if !(scale.is_finite() && scale > 0.0) {
-        return Err(refuse("its legs have no length".into()));
+    if !LEG_RATIO.contains(&scale) {
+        return Err(refuse(format!(
+            "its legs would be {:.4} m long, which no person's are",
+            figure.leg_length() / scale
+        )));
     }
     let mut frames: Vec<Frame> = (0..source.motion.len())
         .into_par_iter()
@@ -67,6 +73,9 @@ pub fn retarget(
             Frame::new(&pose, person, &figure, &alignment, scale)
         })
         .collect();
+    if !frames.iter().all(|f| f.pelvis.is_finite() && f.world.iter().all(|turn| turn.is_finite())) {
+        return Err(refuse("it has a limb without length, which has no direction; mend the skeleton".into()));
+    }
     share_forearm_twist(&mut frames, &figure, source, config);
     let (contact_frames, worst_contact_m) = plant(&mut frames, &figure, source.motion.fps, config, &mut notes);
     let mut rotations = Frames::new(JOINTS);
@@ -74,9 +83,6 @@ pub fn retarget(
         rotations.push(&frame.local(&figure).map(|w| w.as_vec3()));
     }
     let translations: Vec<_> = frames.iter().map(|f| (f.pelvis - figure.rest[PELVIS]).as_vec3()).collect();
-    if !(rotations.points().iter().all(|p| p.is_finite()) && translations.iter().all(|p| p.is_finite())) {
-        return Err(refuse("its skeleton has bones without direction; mend the file".into()));
-    }
     let clip = MotionClip { id, fps: source.motion.fps as f32, rotations, translations };
     Ok(Retargeted { clip, scale, contact_frames, worst_contact_m, notes })
 }

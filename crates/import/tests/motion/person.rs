@@ -1,4 +1,4 @@
-use super::support::{body, data, on_body, posed, read};
+use super::support::{body, data, degrees, fixture, on_body, posed, read};
 use glam::Vec3;
 use softtissue_import::motion::problems;
 
@@ -84,4 +84,23 @@ fn problems_are_found_and_a_good_clip_has_none() {
     for part in ["frame 50: ", "frame 51: ", "frame 120 repeats", "left and right"] {
         assert!(found.contains(part), "{part}: {found}");
     }
+}
+
+/// The rest pose of this file is no person, so a frame stands in for it: limbs still point where they should, and the
+/// trunk is off by no more than that frame is from standing straight.
+#[test]
+fn a_skeleton_that_is_folded_at_rest_is_unfolded_by_a_frame() {
+    let [plain, folded] = ["plain.bvh", "folded.bvh"].map(|name| on_body(&read(&fixture(name))));
+    assert_eq!(plain.notes, Vec::<String>::new());
+    assert!(folded.notes[0].contains("stands in"), "{:?}", folded.notes);
+    let (mut limbs, mut trunk) = (0.0f32, 0.0f32);
+    for t in 0..plain.clip.len() {
+        let ((turn_a, a), (turn_b, b)) = (posed(&plain.clip, t), posed(&folded.clip, t));
+        for (from, to) in [(16, 18), (17, 19), (18, 20), (19, 21)] {
+            limbs = limbs.max((a[to] - a[from]).angle_between(b[to] - b[from]).to_degrees());
+        }
+        trunk = [0, 9, 15].into_iter().map(|j| degrees(turn_a[j], turn_b[j])).fold(trunk, f32::max);
+    }
+    assert!(limbs < 0.1, "{limbs} degrees");
+    assert!(trunk < 30.0, "{trunk} degrees");
 }

@@ -18,7 +18,7 @@ pub fn run(args: &ImportMotionArgs, signals: &Signals) -> Result<()> {
     let config = resolve(&args.settings)?.config;
     let terminal = Terminal::new(signals.clone(), args.settings.quiet);
     // what cannot be read is said before a body is made
-    let read = args.source_args.read(&args.source)?;
+    let read = args.foreign.read(&args.source)?;
     let body = load_body(&config, &data_dir(&args.settings), &terminal)?.model;
     let Moved { clip, provenance, line } = moved(&args.source, &read, &body, &body.shaped(&[]), args.fps)?;
     clip.write_with_provenance(&args.out, &provenance)?;
