@@ -127,7 +127,7 @@ fn bad_amass_files_are_refused_with_their_array() {
         ("bad_nan.npz", "array poses: entry [3, 5] is not finite"),
         ("bad_counts.npz", "array poses: its shape is [11, 156], expected [12, any]"),
         ("bad_rate.npz", "array mocap_framerate: a rate of 0"),
-        ("bad_object.npz", "array poses"),
+        ("bad_object.npz", "array poses: it holds Python objects"),
         ("bad_one.npz", "array trans: it holds one frame"),
     ] {
         let said = read_motion(&fixture(name), &MotionConfig::default()).unwrap_err().to_string();
