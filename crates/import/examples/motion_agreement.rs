@@ -1,4 +1,4 @@
-//! How far two files of one take are apart on our skeleton: `cargo run --example motion_agreement A B`.
+//! How far two files of one take are apart on our skeleton: `cargo run -p softtissue-import --example motion_agreement A B`.
 
 use glam::{DQuat, DVec3, Vec3};
 use softtissue_body::{ShapedBody, Skeleton};
