@@ -247,7 +247,8 @@ fn own_obj_sequences_train() {
     let again = |content: &str, name: &str| {
         std::fs::write(&first, content).expect("a frame");
         let out = dir.join(name);
-        let said = softtissue(&["import", &text(&home), "--out", &text(&out), "--data-dir", &text(&data_dir())]);
+        let said =
+            softtissue(&["import", "scans", &text(&home), "--out", &text(&out), "--data-dir", &text(&data_dir())]);
         assert!(!out.join("index.json").exists(), "{name}: nothing looks finished");
         said
     };
@@ -256,14 +257,25 @@ fn own_obj_sequences_train() {
     again(&good.replacen(face, "f 1 900 1700", 1), "connectivity").refused(3, &["frame_00000.obj", "connectivity"]);
     std::fs::write(&first, &good).expect("a frame");
     let fast = dir.join("fast");
-    softtissue(&["import", &text(&home), "--out", &text(&fast), "--fps", "120", "--data-dir", &text(&data_dir())])
-        .fine();
+    softtissue(&[
+        "import",
+        "scans",
+        &text(&home),
+        "--out",
+        &text(&fast),
+        "--fps",
+        "120",
+        "--data-dir",
+        &text(&data_dir()),
+    ])
+    .fine();
     let mut run = tiny_train(&tiny_config(&dir), &dir.join("run-fast"));
     run.arg("--data").arg(&fast);
     Said::of(&run.output().expect("the command starts")).refused(3, &["120", "resample"]);
     for fps in ["0", "-5", "NaN"] {
         softtissue(&[
             "import",
+            "scans",
             &text(&home),
             "--out",
             &text(&dir.join("fps")),

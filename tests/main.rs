@@ -9,6 +9,7 @@ mod controls;
 mod dyna;
 mod evidence;
 mod main_job;
+mod motion;
 mod resume;
 mod softsmpl;
 mod support;

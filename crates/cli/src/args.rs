@@ -1,6 +1,9 @@
 //! What the user typed, before it is checked.
 
+mod import;
+
 use clap::{Args, Parser, Subcommand, ValueEnum};
+pub use import::*;
 use std::path::PathBuf;
 
 /// Learns how flesh moves: from 4D scans of moving people to a small model that adds soft-tissue motion to
@@ -26,9 +29,9 @@ pub enum Verb {
     Synth(SynthArgs),
     /// Fit shape and pose to scans and extract the soft-tissue deltas.
     Fit(FitArgs),
-    /// Bring an OBJ sequence into our form.
+    /// Bring other people's data into our form.
     Import(ImportArgs),
-    /// Say of a file or folder of ours what it is and what is wrong with it.
+    /// Say of a file or folder what it is and what is wrong with it.
     Inspect(InspectArgs),
     /// Print, check or explain every setting.
     Config(ConfigArgs),
@@ -137,9 +140,12 @@ pub struct AnimateArgs {
     /// The bundle folder.
     #[arg(long, value_name = "DIR")]
     pub bundle: PathBuf,
-    /// A motion clip, or `synth:NAME` for a generated motion.
+    /// A motion clip, a foreign motion (`.bvh`, `.amc`, `.npz` of AMASS), or `synth:NAME` for a generated motion.
     #[arg(long)]
     pub motion: String,
+    /// What a foreign motion does not say.
+    #[command(flatten)]
+    pub foreign: MotionSourceArgs,
     /// Shape coefficients separated by commas; default: the mean shape.
     #[arg(long, value_name = "B0,B1,...", allow_hyphen_values = true)]
     pub shape: Option<String>,
@@ -194,41 +200,14 @@ pub struct FitArgs {
     pub out: PathBuf,
 }
 
-/// `import`.
-#[derive(Debug, Args)]
-pub struct ImportArgs {
-    /// A folder `SUBJECT/MOTION/*.obj`, every frame in one template topology.
-    pub source: PathBuf,
-    /// The scan set to write.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// Frames a second of the sequences.
-    #[arg(long, default_value_t = 60.0)]
-    pub fps: f32,
-    /// Unit of the coordinates.
-    #[arg(long, value_enum, default_value = "metres")]
-    pub units: LengthUnit,
-    /// Settings (for the body whose topology the frames must have).
-    #[command(flatten)]
-    pub settings: Settings,
-}
-
-/// Units on the command line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum LengthUnit {
-    /// Metres.
-    Metres,
-    /// Centimetres.
-    Centimetres,
-    /// Millimetres.
-    Millimetres,
-}
-
 /// `inspect`.
 #[derive(Debug, Args)]
 pub struct InspectArgs {
-    /// A clip, a set of clips, a run, a bundle or a mesh.
+    /// A clip, a set of clips, a run, a bundle, a mesh or a foreign motion.
     pub path: PathBuf,
+    /// Write a thumbnail of a foreign motion.
+    #[arg(long, value_name = "FILE.png")]
+    pub picture: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,

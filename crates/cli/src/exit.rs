@@ -105,7 +105,7 @@ fn of_import(error: &ImportError) -> Exit {
     match error {
         ImportError::Store(e) => of_store(e),
         ImportError::Clip(e) => of_clip(e),
-        ImportError::Line { .. } | ImportError::File { .. } => Exit::BadInput,
+        ImportError::Line { .. } | ImportError::Part { .. } | ImportError::File { .. } => Exit::BadInput,
         ImportError::Stopped => Exit::Interrupted,
     }
 }

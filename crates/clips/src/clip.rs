@@ -59,10 +59,17 @@ impl MotionClip {
     }
     /// Writes the clip.
     pub fn write(&self, path: &Path) -> Result<()> {
+        self.write_with_provenance(path, &serde_json::Value::Null)
+    }
+    /// Writes the clip with where it came from, which `null` leaves out.
+    pub fn write_with_provenance(&self, path: &Path, provenance: &serde_json::Value) -> Result<()> {
         assert_eq!(self.rotations.len(), self.translations.len(), "frames of a motion");
         let rotations = self.rotations.to_numbers();
         let translations: Vec<f32> = self.translations.iter().flat_map(|p| p.to_array()).collect();
         let mut file = header("motion", &self.id, self.fps);
+        if !provenance.is_null() {
+            file.meta("provenance", provenance.to_string());
+        }
         file.f32("rotations", &[self.len(), self.rotations.points_per_frame(), 3], &rotations);
         file.f32("translations", &[self.len(), 3], &translations);
         Ok(file.write(path)?)

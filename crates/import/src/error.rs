@@ -21,6 +21,16 @@ pub enum ImportError {
         /// What is wrong and what to do.
         reason: String,
     },
+    /// A part of a file: an array, a member of an archive.
+    #[error("{path}, {part}: {reason}")]
+    Part {
+        /// Which file.
+        path: PathBuf,
+        /// Which part.
+        part: String,
+        /// What is wrong and what to do.
+        reason: String,
+    },
     /// A file or folder as a whole.
     #[error("{path}: {reason}")]
     File {

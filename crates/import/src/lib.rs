@@ -1,17 +1,23 @@
 //! The customs office: the only room that reads foreign formats. Everything that comes in is checked against
 //! [`ImportLimits`] before memory is taken for it, and leaves as clips of ours.
 //!
-//! So far: OBJ sequences in a known template topology ([`import_obj_sequences`]), and single OBJ meshes whose
-//! vertex order does not matter ([`read_mesh`]).
+//! So far: OBJ sequences in a known template topology ([`import_obj_sequences`]), single OBJ meshes whose vertex order
+//! does not matter ([`read_mesh`]), NumPy's arrays ([`arrays`]), and motions ([`motion`]).
 
+mod archive;
+pub mod arrays;
 mod error;
+pub mod motion;
 mod natural;
 mod obj;
+mod place;
 mod sequence;
 
+pub use archive::Archive;
 pub use error::ImportError;
 pub use natural::natural_cmp;
 pub use obj::{ImportLimits, ObjFrame, read_mesh, read_obj_frame};
+pub use place::Place;
 pub use sequence::{SequenceConfig, Units, import_obj_sequences};
 
 /// Result of this crate.

@@ -189,9 +189,9 @@ fn check_height(path: &Path, vertices: &[Vec3]) -> Result<()> {
         return Ok(());
     }
     let hint = match height {
-        h if (40.0..=280.0).contains(&h) => "bring it in by `softtissue import --units centimetres`",
-        h if (400.0..=2800.0).contains(&h) => "bring it in by `softtissue import --units millimetres`",
-        _ => "coordinates are expected in metres with Y up; turn or scale it, or use `softtissue import --units`",
+        h if (40.0..=280.0).contains(&h) => "bring it in by `softtissue import scans --units centimetres`",
+        h if (400.0..=2800.0).contains(&h) => "bring it in by `softtissue import scans --units millimetres`",
+        _ => "coordinates are expected in metres with Y up; turn or scale it, or use `softtissue import scans --units`",
     };
     Err(ImportError::file(path, format!("the body is {height:.2} m tall: {hint}")))
 }

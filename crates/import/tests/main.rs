@@ -1,3 +1,5 @@
 //! Integration tests of the customs office.
 
+mod arrays;
+mod motion;
 mod obj;

@@ -6,12 +6,14 @@ use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::contact_sheet;
 use crate::verbs::controls::{controls, rest_mesh};
+use crate::verbs::foreign_motion::moved;
 use anyhow::Result;
 use softtissue_body::BodyBuild;
 use softtissue_bundle::{Bundle, BundleError, Controls, Player};
 use softtissue_clips::MotionClip;
 use softtissue_export::{Animation, GltfConfig, write_gltf, write_obj_sequence};
 use softtissue_geometry::Frames;
+use softtissue_import::motion::{is_motion_file, resample};
 use softtissue_monitor::Monitor;
 use softtissue_synth::motion::{Request, Style, generate};
 use std::path::Path;
@@ -46,7 +48,7 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     let mut player = Player::new(&bundle, &flesh)?;
     player.set_controls(&controls(args, &bundle.body)?).map_err(asked)?;
     player.show_on(shown).map_err(asked)?;
-    let motion = motion(args, &bundle, &beta)?;
+    let motion = motion(args, &bundle, &beta, &terminal)?;
     let frames = play(&mut player, &motion, &terminal)?;
     if args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
         player.set_controls(&Controls::gain(0.0))?;
@@ -97,7 +99,7 @@ fn say_where_it_lies(bundle: &Bundle, beta: &[f32], monitor: &dyn Monitor) {
     }
 }
 
-fn motion(args: &AnimateArgs, bundle: &Bundle, beta: &[f32]) -> Result<MotionClip> {
+fn motion(args: &AnimateArgs, bundle: &Bundle, beta: &[f32], monitor: &dyn Monitor) -> Result<MotionClip> {
     let fps = bundle.descriptor.fps;
     if let Some(name) = args.motion.strip_prefix("synth:") {
         if !(2..=36_000).contains(&args.frames) {
@@ -108,6 +110,12 @@ fn motion(args: &AnimateArgs, bundle: &Bundle, beta: &[f32]) -> Result<MotionCli
         return Ok(generate(&request, &bundle.body.shaped(beta), &Style::neutral())?);
     }
     let path = Path::new(&args.motion);
+    if is_motion_file(path) {
+        let read = args.foreign.read(path)?;
+        let moved = moved(path, &read, &bundle.body, &bundle.body.shaped(beta), Some(fps))?;
+        monitor.say(&moved.line);
+        return Ok(moved.clip);
+    }
     let clip = MotionClip::read(path)?;
     let (found, expected) = (clip.rotations.points_per_frame(), bundle.body.joint_count());
     if found != expected {
@@ -115,11 +123,9 @@ fn motion(args: &AnimateArgs, bundle: &Bundle, beta: &[f32]) -> Result<MotionCli
         return Err(InputError(message).into());
     }
     if clip.fps != fps {
-        let message =
-            format!("{}: {} frames a second, but the bundle is for {fps}; resample it", path.display(), clip.fps);
-        return Err(InputError(message).into());
+        monitor.say(&format!("{}: {} frames a second, resampled to {fps}", path.display(), clip.fps));
     }
-    Ok(clip)
+    Ok(resample(&clip, fps, path)?)
 }
 
 /// Posed vertices `[T, V]` of a whole motion.

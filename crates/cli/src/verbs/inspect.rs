@@ -1,12 +1,14 @@
 //! `inspect`: what a file or folder is, its counts, rate and range, and what is wrong with it.
 
 use crate::args::InspectArgs;
-use crate::exit::InputError;
+use crate::exit::{InputError, UsageError};
+use crate::verbs::inspect_motion;
 use anyhow::Result;
 use glam::Vec3;
 use serde_json::{Map, Value, json};
 use softtissue_clips::{DeltaClip, FitSet, FittedSubject, MotionClip, ScanClip, ScanSet, TruthSet};
 use softtissue_geometry::Frames;
+use softtissue_import::motion::is_motion_file;
 use softtissue_import::{ImportLimits, read_mesh};
 use softtissue_store::{StoreError, TensorFile};
 use std::path::Path;
@@ -16,7 +18,13 @@ const TELEPORT: f32 = 30.0;
 
 /// Runs the verb.
 pub fn run(args: &InspectArgs) -> Result<()> {
-    let facts = inspect(&args.path)?;
+    let facts = if is_motion_file(&args.path) {
+        inspect_motion::inspect(&args.path, args.picture.as_deref())?
+    } else if args.picture.is_some() {
+        return Err(UsageError("--picture draws foreign motions alone (.bvh, .amc, .npz)".into()).into());
+    } else {
+        inspect(&args.path)?
+    };
     if args.json {
         crate::print_line(&serde_json::to_string_pretty(&facts)?);
     } else {
@@ -52,7 +60,7 @@ fn inspect(path: &Path) -> Result<Value> {
         Some("obj" | "OBJ") => mesh(path),
         _ if !path.exists() => Err(InputError(format!("{} does not exist: check the path", path.display())).into()),
         _ => Err(InputError(format!(
-            "{}: no file that softtissue knows (clips are .safetensors, meshes .obj)",
+            "{}: no file that softtissue knows (clips are .safetensors, meshes .obj, motions .bvh, .amc and .npz)",
             path.display()
         ))
         .into()),
@@ -182,6 +190,9 @@ fn tensors(path: &Path) -> Result<Value> {
             let roots = Frames::from_points(1, clip.translations.clone());
             let mut facts = clip_facts("motion clip", &clip.id, clip.fps, &roots, vec![]);
             facts["joints"] = json!(clip.rotations.points_per_frame());
+            if let Some(provenance) = file.meta("provenance") {
+                facts["provenance"] = serde_json::from_str(provenance).unwrap_or_else(|_| json!(provenance));
+            }
             Ok(facts)
         }
         Some("fitted-subject") => {

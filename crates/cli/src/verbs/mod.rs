@@ -6,8 +6,10 @@ mod contact_sheet;
 mod controls;
 pub mod eval;
 pub mod fit;
+mod foreign_motion;
 pub mod import;
 pub mod inspect;
+mod inspect_motion;
 pub mod synth;
 pub mod train;
 

@@ -1,0 +1,108 @@
+//! `import` and what may come in.
+
+use super::Settings;
+use clap::{Args, Subcommand, ValueEnum};
+use softtissue_import::motion::MotionUnits;
+use std::path::PathBuf;
+
+/// `import`.
+#[derive(Debug, Args)]
+pub struct ImportArgs {
+    /// What comes in.
+    #[command(subcommand)]
+    pub what: Import,
+}
+
+/// What may come in.
+#[derive(Debug, Subcommand)]
+pub enum Import {
+    /// Scans in one topology: OBJ sequences into a scan set.
+    Scans(ImportScansArgs),
+    /// A motion: BVH, ASF/AMC or AMASS into a motion clip on our skeleton.
+    Motion(ImportMotionArgs),
+}
+
+/// `import scans`.
+#[derive(Debug, Args)]
+pub struct ImportScansArgs {
+    /// A folder `SUBJECT/MOTION/*.obj`, every frame in one template topology.
+    pub source: PathBuf,
+    /// The scan set to write.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Frames a second of the sequences.
+    #[arg(long, default_value_t = 60.0)]
+    pub fps: f32,
+    /// Unit of the coordinates.
+    #[arg(long, value_enum, default_value = "metres")]
+    pub units: LengthUnit,
+    /// Settings (for the body whose topology the frames must have).
+    #[command(flatten)]
+    pub settings: Settings,
+}
+
+/// `import motion`.
+#[derive(Debug, Args)]
+pub struct ImportMotionArgs {
+    /// A motion: `.bvh`, `.amc` or `.npz` (AMASS).
+    pub source: PathBuf,
+    /// The motion clip to write (`.safetensors`).
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Frames a second of the clip [default: the file's].
+    #[arg(long)]
+    pub fps: Option<f32>,
+    /// What the file does not say.
+    #[command(flatten)]
+    pub foreign: MotionSourceArgs,
+    /// Settings (for the body that moves).
+    #[command(flatten)]
+    pub settings: Settings,
+}
+
+/// What a foreign motion does not say, or says wrongly.
+#[derive(Debug, Args, Clone, Default)]
+pub struct MotionSourceArgs {
+    /// Skeleton of an `.amc` file [default: the `.asf` beside it].
+    #[arg(long, value_name = "FILE.asf")]
+    pub skeleton: Option<PathBuf>,
+    /// Unit of a foreign motion: metres, centimetres, millimetres, inches, cmu, or its length in metres [default: guessed from
+    /// the skeleton's height].
+    #[arg(long, value_name = "UNIT", value_parser = unit)]
+    pub units: Option<f64>,
+    /// Up axis of a foreign motion [default: guessed from where heads are].
+    #[arg(long, value_enum)]
+    pub up: Option<Up>,
+    /// Frames a second of a foreign motion [default: what it says, or 120].
+    #[arg(long)]
+    pub source_fps: Option<f64>,
+}
+
+/// Metres of a unit.
+fn unit(text: &str) -> Result<f64, String> {
+    let named = MotionUnits::ALL.into_iter().find(|u| format!("{u:?}").eq_ignore_ascii_case(text));
+    let metres = named.map(MotionUnits::metres).or_else(|| text.parse().ok());
+    metres
+        .filter(|m| (1e-6..=1e3).contains(m))
+        .ok_or_else(|| "write metres, centimetres, millimetres, inches, cmu, or the unit's length in metres".to_owned())
+}
+
+/// Up axes on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Up {
+    /// Y.
+    Y,
+    /// Z.
+    Z,
+}
+
+/// Units on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum LengthUnit {
+    /// Metres.
+    Metres,
+    /// Centimetres.
+    Centimetres,
+    /// Millimetres.
+    Millimetres,
+}

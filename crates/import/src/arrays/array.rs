@@ -1,0 +1,219 @@
+use super::header::Header;
+use super::{ArrayLimits, ElementKind, ElementType};
+use crate::{ImportError, Place, Result};
+
+/// An array as it lies in a file. Conversions give the elements in C order (last index fastest), whatever the file's.
+#[derive(Clone, Debug)]
+pub struct Array {
+    place: Place,
+    element: ElementType,
+    fortran_order: bool,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+    /// Where in `bytes` the data begin.
+    data: usize,
+}
+
+impl Array {
+    /// From the bytes of an npy file.
+    ///
+    /// # Errors
+    /// A head that is refused, or fewer or more data than it states.
+    pub fn from_npy(place: Place, bytes: Vec<u8>, limits: &ArrayLimits) -> Result<Self> {
+        let Header { element, fortran_order, shape, data } =
+            Header::parse(&bytes, limits).map_err(|reason| place.refuse(reason))?;
+        let array = Self { place, element, fortran_order, shape, bytes, data };
+        // The pickle of an object array says by itself where it ends.
+        if element.kind != ElementKind::Object {
+            array.check_length()?;
+        }
+        Ok(array)
+    }
+
+    fn check_length(&self) -> Result<()> {
+        // Checked against overflow together with the head.
+        let expected = self.len() * self.element.size;
+        let found = self.bytes.len() - self.data;
+        if found == expected {
+            return Ok(());
+        }
+        let shape = &self.shape;
+        Err(self.refuse(format!("its shape {shape:?} takes {expected} bytes, it holds {found}; get the file again")))
+    }
+
+    /// Sizes, slowest index first; empty for a single value.
+    pub fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+    /// Type of the elements.
+    pub fn element(&self) -> ElementType {
+        self.element
+    }
+    /// Elements in all.
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+    /// Whether there is no element.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    /// Where it stands.
+    pub fn place(&self) -> &Place {
+        &self.place
+    }
+    /// A refusal that names this array.
+    pub fn refuse(&self, reason: impl Into<String>) -> ImportError {
+        self.place.refuse(reason)
+    }
+
+    /// Refuses another shape; `None` stands for any size.
+    pub fn expect_shape(&self, expected: &[Option<usize>]) -> Result<()> {
+        let fits = self.shape.len() == expected.len()
+            && self.shape.iter().zip(expected).all(|(found, wanted)| wanted.is_none_or(|w| w == *found));
+        if fits {
+            return Ok(());
+        }
+        let text: Vec<String> = expected.iter().map(|w| w.map_or("any".into(), |w| w.to_string())).collect();
+        Err(self.refuse(format!("its shape is {:?}, expected [{}]", self.shape, text.join(", "))))
+    }
+
+    /// Numbers as they are.
+    ///
+    /// # Errors
+    /// No numbers, or one that is not finite.
+    pub fn f64s(&self) -> Result<Vec<f64>> {
+        self.finite(|x| x, f64::is_finite)
+    }
+
+    /// Numbers in single precision.
+    ///
+    /// # Errors
+    /// No numbers, or one that is not finite or leaves the range of single precision.
+    pub fn f32s(&self) -> Result<Vec<f32>> {
+        self.finite(|x| x as f32, f32::is_finite)
+    }
+
+    /// Whole numbers, exactly. Floating-point numbers without a fraction count.
+    ///
+    /// # Errors
+    /// Anything else.
+    pub fn integers(&self) -> Result<Vec<i64>> {
+        self.numeric()?;
+        let convert = |bytes: &[u8]| self.element.integer(bytes);
+        self.elements(convert).map_err(|at| self.refuse(format!("entry {} is no whole number", self.index(at))))
+    }
+
+    /// The only number there is.
+    ///
+    /// # Errors
+    /// No number, several, or one that is not finite.
+    pub fn number(&self) -> Result<f64> {
+        match self.f64s()?[..] {
+            [x] => Ok(x),
+            _ => Err(self.refuse(format!("its shape is {:?}, expected a single number", self.shape))),
+        }
+    }
+
+    /// Texts, without the zeros that pad them; byte strings must be UTF-8.
+    ///
+    /// # Errors
+    /// Anything else.
+    pub fn texts(&self) -> Result<Vec<String>> {
+        if !self.element.is_text() {
+            return Err(self.refuse("it holds no text"));
+        }
+        let convert = |bytes: &[u8]| self.element.text(bytes);
+        self.elements(convert).map_err(|at| self.refuse(format!("entry {} is no valid text", self.index(at))))
+    }
+
+    /// The only text there is.
+    ///
+    /// # Errors
+    /// No text, or several.
+    pub fn text(&self) -> Result<String> {
+        let mut texts = self.texts()?;
+        match (texts.pop(), texts.is_empty()) {
+            (Some(text), true) => Ok(text),
+            _ => Err(self.refuse(format!("its shape is {:?}, expected a single text", self.shape))),
+        }
+    }
+
+    fn numeric(&self) -> Result<()> {
+        if self.element.is_numeric() {
+            return Ok(());
+        }
+        Err(self.refuse(match self.element.kind {
+            ElementKind::Object => "it holds Python objects, expected numbers; save it with a numeric type",
+            _ => "it holds text, expected numbers",
+        }))
+    }
+
+    fn finite<T: Copy>(&self, convert: impl Fn(f64) -> T, is_finite: impl Fn(T) -> bool) -> Result<Vec<T>> {
+        self.numeric()?;
+        let checked = |bytes: &[u8]| Some(convert(self.element.number(bytes))).filter(|x| is_finite(*x));
+        self.elements(checked).map_err(|at| {
+            self.refuse(format!("entry {} is not finite (or not in range); mend or drop it", self.index(at)))
+        })
+    }
+
+    /// Every element converted, or the place in C order of the first that cannot be.
+    fn elements<T>(&self, convert: impl Fn(&[u8]) -> Option<T>) -> std::result::Result<Vec<T>, usize> {
+        let (count, size) = (self.len(), self.element.size);
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let data = &self.bytes[self.data..];
+        let mut out = Vec::with_capacity(count);
+        let mut walk = Walk::new(&self.shape, self.fortran_order);
+        for at in 0..count {
+            let from = walk.offset * size;
+            out.push(convert(&data[from..from + size]).ok_or(at)?);
+            walk.step();
+        }
+        Ok(out)
+    }
+
+    /// The index of an element by its place in C order, as `[i, j]`.
+    fn index(&self, mut at: usize) -> String {
+        let mut index = vec![0; self.shape.len()];
+        for (i, size) in index.iter_mut().zip(&self.shape).rev() {
+            (*i, at) = (at % size, at / size);
+        }
+        format!("{index:?}")
+    }
+}
+
+/// Walks an array in C order and says where the elements lie.
+struct Walk<'a> {
+    shape: &'a [usize],
+    strides: Vec<usize>,
+    index: Vec<usize>,
+    offset: usize,
+}
+
+impl<'a> Walk<'a> {
+    fn new(shape: &'a [usize], fortran_order: bool) -> Self {
+        let mut strides = vec![1; shape.len()];
+        for k in 1..shape.len() {
+            if fortran_order {
+                strides[k] = strides[k - 1] * shape[k - 1];
+            } else {
+                let last = shape.len() - 1;
+                strides[last - k] = strides[last - k + 1] * shape[last - k + 1];
+            }
+        }
+        Self { shape, strides, index: vec![0; shape.len()], offset: 0 }
+    }
+
+    fn step(&mut self) {
+        for k in (0..self.shape.len()).rev() {
+            self.index[k] += 1;
+            self.offset += self.strides[k];
+            if self.index[k] < self.shape[k] {
+                return;
+            }
+            self.offset -= self.strides[k] * self.shape[k];
+            self.index[k] = 0;
+        }
+    }
+}
