@@ -42,7 +42,8 @@ impl Registrar<'_> {
             let residual = f64::from(pair.normal.dot(foot - pair.point));
             chain.fill(0.0);
             corners().for_each(|(c, w)| self.chains[c].iter().for_each(|(j, b)| chain[*j] += b * w));
-            (at.clear(), row.clear());
+            at.clear();
+            row.clear();
             let arm = Vec3A::from(foot) - posed.kinematics.origin;
             for (j, b) in chain.iter().enumerate().filter(|(_, b)| **b > 0.0) {
                 let turn = (arm - posed.kinematics.centres[j]).cross(pair.normal.into()) * *b;

@@ -2,6 +2,7 @@
 
 use super::model::Registrar;
 use crate::pose_state::PoseState;
+use crate::solve::pull;
 use glam::{Quat, Vec3};
 use softtissue_body::ShapedBody;
 use softtissue_clips::RawFrame;
@@ -14,6 +15,8 @@ const LOWERED: [f32; 3] = [0.0, 0.6, 1.2];
 const COARSE: Round = Round { points: 500, steps: 6, reach: 0.6, outlier: 0.15 };
 /// Second round: the best few.
 const FINE: Round = Round { points: 1500, steps: 14, reach: 0.25, outlier: 0.05 };
+/// Weight of a joint's squared turn from how it was set up, m^2/rad^2: a foot must not be laid onto the scan heel first.
+const SET_UP: f64 = 3e-5;
 /// Candidates in the second round.
 const KEPT: usize = 3;
 
@@ -78,15 +81,14 @@ impl Registrar<'_> {
         let stride = scan.points.len().div_ceil(round.points).max(1);
         let asked = scan.points.len().div_ceil(stride) as f32;
         let mut cost = f32::MAX;
+        let set_up = state.clone();
         for step in 0..=round.steps {
             let posed = self.posed(shaped, &state, detail);
             let pairs = self.pairs(&posed, scan, stride, round.reach, round.outlier);
             cost = 1.0 - pairs.iter().map(|p| p.weight).sum::<f32>() / asked;
             if step < round.steps {
                 let mut normal = self.normal(&posed, &pairs, None);
-                // far from the scan, angles that hardly matter must not run away
-                let before = state.clone();
-                self.add_priors(&mut normal, &posed, &state, Some(&before));
+                pull(&mut normal, &posed.kinematics, &state.turn_since(&set_up), |_| SET_UP, 1);
                 state = self.step(&normal, &posed, &state).0;
             }
         }

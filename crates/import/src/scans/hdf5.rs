@@ -199,11 +199,11 @@ impl Hdf5Clip {
     }
 }
 
-fn floats<T: hdf5_reader::H5Type + Copy + AsF32>(
+fn floats<T: hdf5_reader::H5Type + Copy + Narrow>(
     dataset: &Dataset,
     selection: &SliceInfo,
 ) -> hdf5_reader::error::Result<Vec<f32>> {
-    Ok(dataset.read_slice::<T>(selection)?.iter().map(|x| x.as_f32()).collect())
+    Ok(dataset.read_slice::<T>(selection)?.iter().map(|x| x.narrow()).collect())
 }
 
 fn integers<T: hdf5_reader::H5Type + Copy + TryInto<i64>>(
@@ -214,18 +214,18 @@ fn integers<T: hdf5_reader::H5Type + Copy + TryInto<i64>>(
 }
 
 /// A float in our precision.
-trait AsF32 {
-    fn as_f32(self) -> f32;
+trait Narrow {
+    fn narrow(self) -> f32;
 }
 
-impl AsF32 for f32 {
-    fn as_f32(self) -> f32 {
+impl Narrow for f32 {
+    fn narrow(self) -> f32 {
         self
     }
 }
 
-impl AsF32 for f64 {
-    fn as_f32(self) -> f32 {
+impl Narrow for f64 {
+    fn narrow(self) -> f32 {
         self as f32
     }
 }

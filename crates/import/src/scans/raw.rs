@@ -22,7 +22,7 @@ enum Content {
     /// A file a frame, `None` where one is missing.
     Files(Vec<Option<PathBuf>>),
     /// A dataset and its triangles, which are empty where the file has none.
-    Hdf5(Hdf5Clip, Vec<[u32; 3]>),
+    Hdf5(Box<Hdf5Clip>, Vec<[u32; 3]>),
 }
 
 impl RawScanSource {
@@ -44,7 +44,7 @@ impl RawScanSource {
                     if let Some(face) = faces.iter().flatten().find(|i| **i as usize >= opened.vertices) {
                         return Err(clip.refuse(format!("its faces name vertex {face} of {}", opened.vertices)));
                     }
-                    (opened.frames, Content::Hdf5(opened, faces))
+                    (opened.frames, Content::Hdf5(Box::new(opened), faces))
                 }
                 Listed::Npz(_) => {
                     return Err(clip.refuse("npz cannot be registered anew; write PLY frames or HDF5".into()));
