@@ -203,7 +203,7 @@ pub struct FitArgs {
 /// `inspect`.
 #[derive(Debug, Args)]
 pub struct InspectArgs {
-    /// A clip, a set of clips, a run, a bundle, a mesh or a foreign motion.
+    /// A clip, a set of clips, a run, a bundle, a mesh, a foreign motion, or scans that `import scans` takes.
     pub path: PathBuf,
     /// Write a thumbnail of a foreign motion.
     #[arg(long, value_name = "FILE.png")]

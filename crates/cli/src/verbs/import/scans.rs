@@ -7,7 +7,6 @@ use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::data_dir;
 use anyhow::Result;
-use softtissue_import::ImportLimits;
 use softtissue_import::scans::{ScanImportConfig, Units, UpAxis};
 
 /// Runs the verb.
@@ -29,7 +28,7 @@ pub fn run(args: &ImportScansArgs, signals: &Signals) -> Result<()> {
             ScanUp::MinusY => UpAxis::MinusY,
         }),
         fill_gaps: args.fill_gaps,
-        limits: ImportLimits::default(),
+        ..ScanImportConfig::default()
     };
     let set = bring_in(&args.source, &import, args.register, &body, &config.registration, &args.out, &terminal)?;
     crate::print_line(&format!("{} clips: {}", set.clips().len(), args.out.display()));
