@@ -8,6 +8,7 @@ mod comparison;
 mod controls;
 mod dyna;
 mod evidence;
+mod foreign_scans;
 mod main_job;
 mod motion;
 mod resume;

@@ -73,8 +73,8 @@ pub struct TrainArgs {
     /// Settings.
     #[command(flatten)]
     pub settings: Settings,
-    /// Train on these scans (a folder of ours or of OBJ sequences) and not on generated ones.
-    #[arg(long, value_name = "DIR")]
+    /// Train on these scans and not on generated ones: a folder of ours, or whatever `import scans` takes.
+    #[arg(long, value_name = "DIR|FILE")]
     pub data: Option<PathBuf>,
     /// The run folder [default: runs/CONFIG].
     #[arg(long, value_name = "DIR")]
@@ -119,9 +119,9 @@ pub struct EvalArgs {
     /// Other runs or bundles to judge beside this one, on this run's test clips: once for each.
     #[arg(long, value_name = "DIR")]
     pub against: Vec<PathBuf>,
-    /// Judge on the test motions of these scans (a set of `softtissue synth`, or OBJ sequences) and not on the run's own:
-    /// they are fitted, nothing is trained.
-    #[arg(long, value_name = "DIR")]
+    /// Judge on the test motions of these scans (a set of `softtissue synth`, or whatever `import scans` takes) and not on
+    /// the run's own: they are fitted, nothing is trained.
+    #[arg(long, value_name = "DIR|FILE")]
     pub on: Option<PathBuf>,
     /// Which folds, by motion, subject or Dyna's case, separated by commas; `all` for every one.
     #[arg(long, value_name = "NAMES")]
@@ -193,7 +193,7 @@ pub struct FitArgs {
     /// Settings.
     #[command(flatten)]
     pub settings: Settings,
-    /// A scan set.
+    /// A scan set, or whatever `import scans` takes.
     pub scans: PathBuf,
     /// The folder to write.
     #[arg(long, value_name = "DIR")]
@@ -203,7 +203,7 @@ pub struct FitArgs {
 /// `inspect`.
 #[derive(Debug, Args)]
 pub struct InspectArgs {
-    /// A clip, a set of clips, a run, a bundle, a mesh or a foreign motion.
+    /// A clip, a set of clips, a run, a bundle, a mesh, a foreign motion, or scans that `import scans` takes.
     pub path: PathBuf,
     /// Write a thumbnail of a foreign motion.
     #[arg(long, value_name = "FILE.png")]

@@ -7,7 +7,7 @@ pub use softsmpl::SoftsmplConfig;
 use serde::{Deserialize, Serialize};
 use softtissue_bundle::descriptor::DescriptorConfig;
 use softtissue_clips::{ClipId, Split, SplitConfig};
-use softtissue_fit::FitConfig;
+use softtissue_fit::{FitConfig, RegistrationConfig};
 use softtissue_model::PcaConfig;
 use softtissue_model::linear::{DynaConfig, LadderConfig};
 use softtissue_synth::dataset::SynthConfig;
@@ -31,6 +31,8 @@ pub struct Config {
     pub synth: SynthConfig,
     /// Who is left out.
     pub split: SplitConfig,
+    /// Raw scans onto the template.
+    pub registration: RegistrationConfig,
     /// Shape, pose and deltas.
     pub fit: FitConfig,
     /// The deltas' subspace.
@@ -164,6 +166,7 @@ impl Default for Config {
             licence: "CC0-1.0".into(),
             synth: SynthConfig::default(),
             split: SplitConfig::default(),
+            registration: RegistrationConfig::default(),
             fit: FitConfig::default(),
             subspace: SubspaceConfig::default(),
             descriptor: DescriptorConfig::default(),
@@ -225,6 +228,7 @@ impl Config {
         softtissue_train::device::parse(&self.device).map_err(|e| e.to_string())?;
         self.synth.check().map_err(|e| e.to_string())?;
         self.split.check().map_err(|e| e.to_string())?;
+        self.registration.check().map_err(|e| e.to_string())?;
         self.fit.check().map_err(|e| e.to_string())?;
         self.check_descriptor()?;
         self.check_learning()?;

@@ -94,7 +94,7 @@ fn of_fit(error: &FitError) -> Exit {
         FitError::Clip(e) => of_clip(e),
         FitError::Body(e) => of_body(e),
         FitError::Store(e) => of_store(e),
-        FitError::Config { .. } => Exit::Usage,
+        FitError::Config { .. } | FitError::Registration { .. } => Exit::Usage,
         FitError::Solver { .. } => Exit::Diverged,
         FitError::Stopped => Exit::Interrupted,
         _ => Exit::BadInput,
@@ -156,6 +156,7 @@ fn of_clip(error: &ClipError) -> Exit {
     match error {
         ClipError::Store(e) => of_store(e),
         ClipError::Split { .. } | ClipError::Id { .. } => Exit::Usage,
+        ClipError::Raw(e) => e.downcast_ref().map_or(Exit::BadInput, of_import),
         ClipError::Bad { .. } | ClipError::NoClip { .. } => Exit::BadInput,
     }
 }

@@ -30,6 +30,9 @@ pub enum ClipError {
         /// What is wrong and what to do.
         reason: String,
     },
+    /// A raw scan that its source cannot give.
+    #[error("{0}")]
+    Raw(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// A text that names no clip.
     #[error("{text:?} names no clip: write subject/motion or subject/motion.take")]
     Id {

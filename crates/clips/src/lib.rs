@@ -6,12 +6,14 @@
 mod clip;
 mod error;
 mod id;
+mod raw;
 mod sets;
 mod split;
 
 pub use clip::{DeltaClip, MotionClip, ScanClip};
 pub use error::ClipError;
 pub use id::ClipId;
+pub use raw::{RawFrame, RawScans, interpolate_missing};
 pub use sets::{ClipEntry, FitSet, FittedSubject, ScanSet, TrueSubject, TruthSet};
 pub use split::{Part, Split, SplitConfig};
 

@@ -67,6 +67,38 @@ pub enum FitError {
         /// What it may be.
         remedy: &'static str,
     },
+    /// A setting of the registration outside its range.
+    #[error("registration.{field} = {value}: {remedy}")]
+    Registration {
+        /// Which setting.
+        field: &'static str,
+        /// Its value.
+        value: String,
+        /// What it may be.
+        remedy: &'static str,
+    },
+    /// A raw scan that the body cannot be brought near.
+    #[error(
+        "clip {clip}, frame {frame}: half of its points lie farther than {distance_m:.3} m from the body after registration; is it one whole person, are its units metres, and is Y up?"
+    )]
+    Lost {
+        /// Which clip.
+        clip: ClipId,
+        /// Which frame.
+        frame: usize,
+        /// Median distance, metres.
+        distance_m: f32,
+    },
+    /// A raw scan with hardly a point.
+    #[error("clip {clip}, frame {frame} has {points} points, too few for a body; leave it out")]
+    Sparse {
+        /// Which clip.
+        clip: ClipId,
+        /// Which frame.
+        frame: usize,
+        /// Its points.
+        points: usize,
+    },
     /// A template whose triangles cannot hold deltas.
     #[error("the body's mesh has no triangle form: {reason}")]
     Mesh {

@@ -1,5 +1,6 @@
-//! Shape, pose and soft-tissue deltas from registered scans.
+//! Shape, pose and soft-tissue deltas from registered scans, and the registration of raw ones.
 //!
+//! - Raw scans, without correspondence, become registered ones by [`register_set`].
 //! - Pose: Levenberg-Marquardt on an analytic gradient, in the unposed frame by default (Casas-Otaduy 2018 eq. 4) or
 //!   the posed one (SoftSMPL 2020 eq. 4). The Gauss-Newton matrix is summed over bone twists and carried down the
 //!   chain once a frame, so its cost does not grow with the skeleton's depth.
@@ -30,6 +31,7 @@ mod normal;
 mod objective;
 mod packed;
 mod pose_state;
+mod registration;
 mod set;
 mod shape;
 mod smooth;
@@ -48,6 +50,7 @@ pub use error::FitError;
 pub use motion::{FittedMotion, fit_motion};
 pub use objective::{Objective, WeightedBody};
 pub use packed::PackedBody;
+pub use registration::{ClipRegistration, RegistrationConfig, register_set};
 pub use set::{ClipQuality, fit_set, fit_set_with};
 pub use solver::{LevenbergMarquardt, PoseProblem, PoseSolver, StartPoses};
 pub use triangles::{TriangleDeltas, TriangleForm};

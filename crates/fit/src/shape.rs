@@ -23,9 +23,9 @@ struct Unknowns {
 }
 
 /// The normal equations of all frames at one point.
-struct Joint {
-    value: f64,
-    frames: Vec<Normal>,
+pub(crate) struct Joint {
+    pub value: f64,
+    pub frames: Vec<Normal>,
 }
 
 /// Fits `beta` to frames of one subject `[frames][V]` in the mesh's order, poses free, by Levenberg-Marquardt; each
@@ -103,7 +103,7 @@ pub(crate) fn fit_shape(
 }
 
 /// The damped step of shape and poses.
-fn joint_step(joint: &Joint, beta: &[f64], prior: f64, damping: f64) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+pub(crate) fn joint_step(joint: &Joint, beta: &[f64], prior: f64, damping: f64) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
     let shapes = beta.len();
     let scale = 1.0 / joint.frames.len() as f64;
     let mut matrix = vec![0.0; shapes * shapes];

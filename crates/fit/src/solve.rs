@@ -141,7 +141,13 @@ impl Objective {
 }
 
 /// Adds weighted squared turns of the joints from `first` on.
-fn pull(normal: &mut Normal, kinematics: &Kinematics, turns: &[Vec3], weight_of: impl Fn(usize) -> f64, first: usize) {
+pub(crate) fn pull(
+    normal: &mut Normal,
+    kinematics: &Kinematics,
+    turns: &[Vec3],
+    weight_of: impl Fn(usize) -> f64,
+    first: usize,
+) {
     let n = normal.gradient.len();
     for (j, turn) in turns.iter().enumerate().skip(first) {
         let weight = weight_of(j);

@@ -1,8 +1,8 @@
 //! The customs office: the only room that reads foreign formats. Everything that comes in is checked against
 //! [`ImportLimits`] before memory is taken for it, and leaves as clips of ours.
 //!
-//! So far: OBJ sequences in a known template topology ([`import_obj_sequences`]), single OBJ meshes whose vertex order
-//! does not matter ([`read_mesh`]), NumPy's arrays ([`arrays`]), and motions ([`motion`]).
+//! 4D scans ([`scans`]), motions ([`motion`]), single OBJ meshes whose vertex order does not matter ([`read_mesh`]), and
+//! NumPy's arrays ([`arrays`]).
 
 mod archive;
 pub mod arrays;
@@ -11,14 +11,13 @@ pub mod motion;
 mod natural;
 mod obj;
 mod place;
-mod sequence;
+pub mod scans;
 
 pub use archive::Archive;
 pub use error::ImportError;
 pub use natural::natural_cmp;
 pub use obj::{ImportLimits, ObjFrame, read_mesh, read_obj_frame};
 pub use place::Place;
-pub use sequence::{SequenceConfig, Units, import_obj_sequences};
 
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, ImportError>;

@@ -18,11 +18,20 @@ pub struct ImportLimits {
     pub face_corners: usize,
     /// Frames of one sequence. Default 100,000.
     pub frames: usize,
+    /// Points of one clip, frames times vertices. Default 16 million.
+    pub clip_points: usize,
 }
 
 impl Default for ImportLimits {
     fn default() -> Self {
-        Self { file_bytes: 256 << 20, vertices: 1_000_000, faces: 4_000_000, face_corners: 64, frames: 100_000 }
+        Self {
+            file_bytes: 256 << 20,
+            vertices: 1_000_000,
+            faces: 4_000_000,
+            face_corners: 64,
+            frames: 100_000,
+            clip_points: 16_000_000,
+        }
     }
 }
 
@@ -41,6 +50,8 @@ pub struct ObjFrame {
 /// Reads the `v` and `f` lines of an OBJ file and nothing else, in file order. No material file is opened.
 pub fn read_obj_frame(path: &Path, limits: &ImportLimits) -> Result<ObjFrame> {
     let bytes = read_limited(path, limits.file_bytes)?;
+    // a byte order mark must not hide the first vertex
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let mut frame = ObjFrame::default();
     let mut reader = Lines { path, limits, frame: &mut frame };
     for (n, line) in bytes.split(|b| *b == b'\n').enumerate() {

@@ -3,3 +3,4 @@
 mod arrays;
 mod motion;
 mod obj;
+mod scans;

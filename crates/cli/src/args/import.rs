@@ -16,7 +16,7 @@ pub struct ImportArgs {
 /// What may come in.
 #[derive(Debug, Subcommand)]
 pub enum Import {
-    /// Scans in one topology: OBJ sequences into a scan set.
+    /// 4D scans into a scan set: HDF5 of DFAUST and Dyna, OBJ and PLY sequences, npz of vertices.
     Scans(ImportScansArgs),
     /// A motion: BVH, ASF/AMC or AMASS into a motion clip on our skeleton.
     Motion(ImportMotionArgs),
@@ -25,17 +25,27 @@ pub enum Import {
 /// `import scans`.
 #[derive(Debug, Args)]
 pub struct ImportScansArgs {
-    /// A folder `SUBJECT/MOTION/*.obj`, every frame in one template topology.
+    /// An *.hdf5, *.h5 or *.npz file, or a folder of such files or of SUBJECT/MOTION/*.{obj,ply}.
     pub source: PathBuf,
     /// The scan set to write.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Frames a second of the sequences.
-    #[arg(long, default_value_t = 60.0)]
-    pub fps: f32,
-    /// Unit of the coordinates.
-    #[arg(long, value_enum, default_value = "metres")]
-    pub units: LengthUnit,
+    /// Frames a second [default: what the file says, else 60].
+    #[arg(long)]
+    pub fps: Option<f32>,
+    /// Unit of the coordinates [default: guessed from the height].
+    #[arg(long, value_enum)]
+    pub units: Option<LengthUnit>,
+    /// Which way is up [default: guessed, the longer of Y and Z].
+    #[arg(long, value_enum, allow_hyphen_values = true)]
+    pub up: Option<ScanUp>,
+    /// Make frames whose number is missing by interpolation.
+    #[arg(long)]
+    pub fill_gaps: bool,
+    /// Register HDF5, OBJ or PLY scans anew, whatever their topology. Raw scans, whose vertex count changes from frame to
+    /// frame, are registered without it.
+    #[arg(long)]
+    pub register: bool,
     /// Settings (for the body whose topology the frames must have).
     #[command(flatten)]
     pub settings: Settings,
@@ -105,4 +115,18 @@ pub enum LengthUnit {
     Centimetres,
     /// Millimetres.
     Millimetres,
+}
+
+/// Up axes of scans on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ScanUp {
+    /// Y is up, as here.
+    Y,
+    /// Z is up.
+    Z,
+    /// X is up.
+    X,
+    /// Y is down.
+    #[value(name = "-y")]
+    MinusY,
 }

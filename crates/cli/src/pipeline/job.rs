@@ -42,7 +42,7 @@ pub fn open(context: &Context, data: Option<&Path>) -> Result<Opened> {
     let (config, dir, monitor) = (context.config, &context.data_dir, context.monitor);
     let body = context.timed("body", || load_body(config, dir, monitor))?;
     let scans = context.timed("scans", || match data {
-        Some(source) => import_or_open(source, config, &body.model.topology, dir, monitor),
+        Some(source) => import_or_open(source, config, &body.model, dir, monitor),
         None => make_scans(config, dir, monitor),
     })?;
     let split = config.split.split(&scans.set.ids())?;

@@ -2,6 +2,7 @@
 
 use super::body::KeptBody;
 use super::context::{Context, fingerprint};
+use super::foreign::bring_in;
 use crate::config::Config;
 use crate::exit::InputError;
 use anyhow::Result;
@@ -10,7 +11,7 @@ use softtissue_clips::{ClipId, FitSet, ScanSet, Split, TruthSet};
 use softtissue_eval::{FitMetrics, Scene, judge_fit};
 use softtissue_fit::{FitConfig, ObjectiveKind, Solver, fit_set, fit_set_with};
 use softtissue_geometry::Topology;
-use softtissue_import::{ImportLimits, SequenceConfig, Units, import_obj_sequences};
+use softtissue_import::scans::ScanImportConfig;
 use softtissue_monitor::Monitor;
 use softtissue_store::{Sha256, sha256_file};
 use softtissue_synth::dataset;
@@ -81,31 +82,30 @@ pub fn make_scans(config: &Config, data_dir: &Path, monitor: &dyn Monitor) -> Re
     Ok(Scans { set, truth: Some(dataset::truth_path(&out)), fingerprint, generated: true })
 }
 
-/// Opens scans of ours, or brings in a folder of OBJ sequences.
+/// Opens scans of ours, or brings in other people's, their units and up axis as found.
 pub fn import_or_open(
     source: &Path,
     config: &Config,
-    topology: &Topology,
+    body: &BodyModel,
     data_dir: &Path,
     monitor: &dyn Monitor,
 ) -> Result<Scans> {
+    let topology = &body.topology;
     let source =
         if source.join("scans").join("index.json").exists() { source.join("scans") } else { source.to_owned() };
     let (root, set) = if source.join("index.json").exists() {
         (source.clone(), ScanSet::open(&source)?)
-    } else if source.is_dir() {
-        let name = fingerprint(&(listing(&source), config.descriptor.fps, topology.hash()))?;
+    } else {
+        let made_of = (IMPORT, listing(&source), config.descriptor.fps, topology.hash(), &config.registration);
+        let name = fingerprint(&made_of)?;
         let out = data_dir.join("cache").join(format!("import-{name}"));
         let set = if out.join("index.json").exists() {
             ScanSet::open(&out)?
         } else {
-            let fps = config.descriptor.fps;
-            let sequence = SequenceConfig { fps, units: Units::Metres, limits: ImportLimits::default() };
-            import_obj_sequences(&source, topology, &sequence, &out, monitor)?
+            let import = ScanImportConfig { assumed_fps: config.descriptor.fps, ..ScanImportConfig::default() };
+            bring_in(&source, &import, false, body, &config.registration, &out, monitor)?
         };
         (out, set)
-    } else {
-        return Err(InputError(format!("{} is no folder of scans: check --data", source.display())).into());
     };
     check_set(&set, config, topology)?;
     let truth = root.parent().map(|p| p.join("truth")).filter(|p| p.join("subjects.json").exists());
@@ -127,23 +127,24 @@ fn content(set: &ScanSet) -> Result<String> {
     Ok(hash.finish())
 }
 
+/// Raised whenever the same files and settings would be brought in otherwise, so that kept scans are not mistaken.
+const IMPORT: u32 = 2;
+
 /// Folders this deep are read: SUBJECT/MOTION.
 const DEPTH: usize = 3;
 
-/// Names, sizes and times of all files below a folder, links followed: changes when they do.
-fn listing(folder: &Path) -> Vec<(String, u64, u128)> {
+/// Names, sizes and times of a file or of all files below a folder, links followed: changes when they do.
+fn listing(source: &Path) -> Vec<(String, u64, u128)> {
     let mut found = Vec::new();
-    let mut waiting = vec![(0, folder.to_owned())];
-    while let Some((depth, dir)) = waiting.pop() {
-        for entry in std::fs::read_dir(&dir).into_iter().flatten().flatten() {
-            let path = entry.path();
-            let Ok(meta) = std::fs::metadata(&path) else { continue };
-            if meta.is_dir() {
-                waiting.extend((depth < DEPTH).then_some((depth + 1, path)));
-            } else {
-                let changed = meta.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
-                found.push((path.display().to_string(), meta.len(), changed.map_or(0, |d| d.as_nanos())));
-            }
+    let mut waiting = vec![(0, source.to_owned())];
+    while let Some((depth, path)) = waiting.pop() {
+        let Ok(meta) = std::fs::metadata(&path) else { continue };
+        if meta.is_dir() {
+            let below = std::fs::read_dir(&path).into_iter().flatten().flatten();
+            waiting.extend(below.filter(|_| depth < DEPTH).map(|e| (depth + 1, e.path())));
+        } else {
+            let changed = meta.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
+            found.push((path.display().to_string(), meta.len(), changed.map_or(0, |d| d.as_nanos())));
         }
     }
     found.sort();

@@ -117,7 +117,7 @@ fn protocol(args: &EvalArgs, context: &Context, base: &Opened, title: &str) -> R
 /// The test motions of other scans, fitted as the run's own were. Their training motions serve the fit alone.
 fn on_other_scans(context: &Context, job: Prepared, scans: &Path) -> Result<Prepared> {
     let config = context.config;
-    let scans = import_or_open(scans, config, &job.body.topology, &context.data_dir, context.monitor)?;
+    let scans = import_or_open(scans, config, &job.body, &context.data_dir, context.monitor)?;
     let split = config.split.split(&scans.set.ids())?;
     needs_test_clips(&split)?;
     let body = load_body(config, &context.data_dir, context.monitor)?;

@@ -17,7 +17,7 @@ pub fn run(args: &FitArgs, signals: &Signals) -> Result<()> {
     let terminal = Terminal::new(signals.clone(), args.settings.quiet);
     let data = data_dir(&args.settings);
     let body = load_body(&config, &data, &terminal)?.model;
-    let scans = import_or_open(&args.scans, &config, &body.topology, &data, &terminal)?;
+    let scans = import_or_open(&args.scans, &config, &body, &data, &terminal)?;
     let split = config.split.split(&scans.set.ids())?;
     if same_folder(&args.out, scans.set.root()) {
         return Err(

@@ -1,5 +1,7 @@
 //! `inspect`: what a file or folder is, its counts, rate and range, and what is wrong with it.
 
+mod foreign_scans;
+
 use crate::args::InspectArgs;
 use crate::exit::{InputError, UsageError};
 use crate::verbs::inspect_motion;
@@ -18,7 +20,7 @@ const TELEPORT: f32 = 30.0;
 
 /// Runs the verb.
 pub fn run(args: &InspectArgs) -> Result<()> {
-    let facts = if is_motion_file(&args.path) {
+    let facts = if is_motion_file(&args.path) && !foreign_scans::is_npz_of_vertices(&args.path) {
         inspect_motion::inspect(&args.path, args.picture.as_deref())?
     } else if args.picture.is_some() {
         return Err(UsageError("--picture draws foreign motions alone (.bvh, .amc, .npz)".into()).into());
@@ -58,9 +60,12 @@ fn inspect(path: &Path) -> Result<Value> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("safetensors") => tensors(path),
         Some("obj" | "OBJ") => mesh(path),
+        Some("ply" | "PLY") => foreign_scans::ply(path),
+        Some("hdf5" | "h5" | "npz") => foreign_scans::source(path),
         _ if !path.exists() => Err(InputError(format!("{} does not exist: check the path", path.display())).into()),
         _ => Err(InputError(format!(
-            "{}: no file that softtissue knows (clips are .safetensors, meshes .obj, motions .bvh, .amc and .npz)",
+            "{}: no file that softtissue knows (clips are .safetensors, meshes .obj and .ply, scans .hdf5, .h5 and .npz, \
+             motions .bvh, .amc and .npz)",
             path.display()
         ))
         .into()),
@@ -112,7 +117,8 @@ fn folder(path: &Path) -> Result<Value> {
     }
     let kept = kept_in_cache(path)?;
     if kept.is_empty() {
-        return Err(InputError(format!("{}: no set of clips, run, bundle or cache", path.display())).into());
+        // the error of a folder that is no source of scans either says what was looked for
+        return foreign_scans::source(path);
     }
     Ok(json!({"what": "cache", "kept": kept, "problems": []}))
 }

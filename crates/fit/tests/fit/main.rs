@@ -4,5 +4,6 @@ mod figure;
 mod left_out;
 mod recovery;
 mod refusals;
+mod registration;
 mod scans;
 mod triangles;

@@ -111,7 +111,11 @@ impl SynthConfig {
     /// SHA-256 over the configuration and the generator's version: names the folder of the cached clips.
     pub fn fingerprint(&self) -> String {
         // a `Value` keeps its keys sorted, so the text does not depend on the order of declaration
-        let config = serde_json::to_value(self).expect("a configuration holds finite numbers, texts and lists");
+        let mut config = serde_json::to_value(self).expect("a configuration holds finite numbers, texts and lists");
+        if self.scanner.raw_points == 0 {
+            // sets without raw scans are what they were before there were any
+            config["scanner"].as_object_mut().map(|scanner| scanner.remove("raw_points"));
+        }
         let body = serde_json::to_value(self.body()).expect("a configuration holds finite numbers, texts and lists");
         sha256_bytes(
             serde_json::json!({ "generator": GENERATOR, "config": config, "body": body }).to_string().as_bytes(),

@@ -1,7 +1,7 @@
 use super::{Bodies, SynthConfig};
 use crate::flesh::Simulator;
 use crate::motion::{self, Request};
-use crate::scanner::{clean, rough_motion, scan};
+use crate::scanner::{RawScanner, clean, rough_motion, scan, write_ply};
 use crate::subject::{Subject, subject_name};
 use crate::{Result, SynthError};
 use rayon::prelude::*;
@@ -26,6 +26,11 @@ pub fn scans_path(out: &Path) -> PathBuf {
 /// The truth of a generated set.
 pub fn truth_path(out: &Path) -> PathBuf {
     out.join("truth")
+}
+
+/// The raw scans of a generated set, where `scanner.raw_points` asks for them.
+pub fn raw_path(out: &Path) -> PathBuf {
+    out.join("raw")
 }
 
 /// Makes a set in `out`: `scans/` (what the scanner saw), `truth/` (what was true) and `synth.json` (how). Clips
@@ -194,7 +199,15 @@ impl<'a> Maker<'a> {
         let body = &self.bodies.scanned().model;
         motion.write(&TruthSet::motion_path(&truth, id))?;
         deltas.write(&TruthSet::delta_path(&truth, id))?;
-        clean(body, &self.shaped, &motion, &deltas, &self.subject.detail).write(&TruthSet::clean_path(&truth, id))?;
+        let clean = clean(body, &self.shaped, &motion, &deltas, &self.subject.detail);
+        clean.write(&TruthSet::clean_path(&truth, id))?;
+        if config.scanner.raw_points > 0 {
+            let scanner = RawScanner::new(body, config.scanner.raw_points, &id.to_string(), config.seed);
+            let folder = raw_path(out).join(&id.subject).join(format!("{}.{}", id.motion, id.take));
+            for (t, vertices) in clean.vertices.iter().enumerate() {
+                write_ply(&folder.join(format!("{t:05}.ply")), &scanner.scan(t, vertices))?;
+            }
+        }
         if config.scanner.rough_degrees > 0.0 {
             let rough = rough_motion(&motion, config.scanner.rough_degrees, config.seed);
             rough.write(&ScanSet::rough_path(&scans, id))?;

@@ -1,9 +1,10 @@
-//! The scanner: registered meshes that slide along the skin and tremble, and a rough guess of the pose.
-//!
-//! Raw scans (points with holes, webbing and outliers) are not made here.
+//! The scanner: registered meshes that slide along the skin and tremble, a rough guess of the pose, and raw scans,
+//! which are points with holes, webbing and outliers.
 
+mod raw;
 mod rough;
 
+pub use raw::{RawScanner, write_ply};
 pub use rough::rough_motion;
 
 use crate::Result;
@@ -26,11 +27,14 @@ pub struct ScannerConfig {
     pub noise: f32,
     /// Root mean square angle of the rough pose channel's error, degrees. Default 1.5; 0 writes no such channel.
     pub rough_degrees: f32,
+    /// Points of a raw scan, before holes: `raw/SUBJECT/MOTION.TAKE/*.ply` beside the registered scans, for trials of the
+    /// registration. Default 0, no raw scans.
+    pub raw_points: usize,
 }
 
 impl Default for ScannerConfig {
     fn default() -> Self {
-        Self { drift: 0.003, noise: 0.0005, rough_degrees: 1.5 }
+        Self { drift: 0.003, noise: 0.0005, rough_degrees: 1.5, raw_points: 0 }
     }
 }
 
@@ -45,6 +49,10 @@ impl ScannerConfig {
     /// # Errors
     /// A number out of its range.
     pub fn check(&self) -> Result<()> {
+        if self.raw_points > 1_000_000 {
+            let reason = format!("{} points a frame; write at most 1000000", self.raw_points);
+            return Err(crate::SynthError::Config { field: "scanner.raw_points", reason });
+        }
         within([
             ("scanner.drift", self.drift, 0.0..=0.05),
             ("scanner.noise", self.noise, 0.0..=0.05),
