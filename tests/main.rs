@@ -1,6 +1,7 @@
 //! The real command, as a user meets it. One binary; a line a module.
 
 mod bad_input;
+mod bodies;
 mod browser;
 mod casas_otaduy;
 mod command;

@@ -1,9 +1,9 @@
-//! Draws the procedural body into PNG pictures: `cargo run -p softtissue-body --features procedural --example
-//! portrait -- FOLDER [LEVEL]`. One picture for each of five BMIs (front, three-quarter, side, back), one of a bent pose and
+//! Draws a body into PNG pictures: `cargo run -p softtissue-body --features procedural --example portrait -- FOLDER
+//! [LEVEL|FILE]`: the procedural body of that level, or the body of a file. One picture for each of five BMIs (front, three-quarter, side, back), one of a bent pose and
 //! one of the regions; prints the measures of each body.
 
 use glam::Vec3;
-use softtissue_body::procedural::{ProceduralBody, ProceduralConfig, generate};
+use softtissue_body::procedural::{Anatomy, ProceduralBody, ProceduralConfig, generate};
 use softtissue_body::{BodyModel, Pose, Region};
 use softtissue_render::{Camera, Colour, PLAIN, Picture, Scene};
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -85,11 +85,17 @@ fn bent(body: &ProceduralBody) -> Result<Picture, Box<dyn std::error::Error>> {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let folder = arguments.next().ok_or("which folder?")?;
-    let level = arguments.next().map_or(Ok(1), |l| l.parse())?;
+    let which = arguments.next().unwrap_or_else(|| "1".into());
     let folder = Path::new(&folder);
     softtissue_store::create_dir(folder)?;
     let start = std::time::Instant::now();
-    let body = generate(&ProceduralConfig { level, ..Default::default() })?;
+    let body = match which.parse() {
+        Ok(level) => generate(&ProceduralConfig { level, ..Default::default() })?,
+        Err(_) => {
+            let model = BodyModel::read(Path::new(&which))?;
+            ProceduralBody { anatomy: Anatomy::of(&model)?, model }
+        }
+    };
     let model = &body.model;
     println!("{} vertices in {:.2} s", model.vertex_count(), start.elapsed().as_secs_f64());
     let plain = vec![PLAIN; model.vertex_count()];

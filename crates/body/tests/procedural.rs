@@ -2,7 +2,7 @@
 //! second coefficient is body mass, and bodies that stay sound from BMI 18 to 33.
 
 use glam::Vec3;
-use softtissue_body::procedural::{Levels, ProceduralBody, ProceduralConfig, generate, generate_levels};
+use softtissue_body::procedural::{Anatomy, Levels, ProceduralBody, ProceduralConfig, generate, generate_levels};
 use softtissue_body::{BodyBuild, BodyModel, Pose, Region};
 use softtissue_geometry::{face_normals, signed_volume, vertex_normals};
 use softtissue_random::Draws;
@@ -293,8 +293,7 @@ fn anatomy_measures_the_mesh_and_survives_a_file() {
             let x = body.model.shaped(&beta).vertices;
             let volume = signed_volume(&x, &body.model.topology.faces);
             assert!((a.volume(&beta) - volume).abs() < 1e-5 * volume, "{name}: {} {volume}", a.volume(&beta));
-            let same: softtissue_body::procedural::Anatomy =
-                serde_json::from_str(&serde_json::to_string(a).unwrap()).unwrap();
+            let same: Anatomy = serde_json::from_str(&serde_json::to_string(a).unwrap()).unwrap();
             assert_eq!(&same, a);
         }
         let heavy = a.beta_for_bmi(31.0, &[0.5, 9.0, -0.3]).unwrap();
@@ -308,6 +307,29 @@ fn anatomy_measures_the_mesh_and_survives_a_file() {
             a.parameters(&a.beta_for(softtissue_body::procedural::ShapeParameters { mass: 1.0, ..Default::default() }));
         assert!((back.mass - 1.0).abs() < 0.1 && back.height.abs() < 0.1, "{name}: {back:?}");
     }
+}
+
+/// What is derived from the model alone is near what the generator knew when it made it.
+#[test]
+fn flesh_is_known_of_a_body_that_somebody_else_made() {
+    for (name, body) in bodies() {
+        let derived = Anatomy::of(&body.model).unwrap();
+        let mut worst = [0.0f32; 3];
+        for draw in 0..8 {
+            let beta = random_beta(body.model.shape_count(), draw);
+            let (a, b) = (derived.parameters(&beta), body.anatomy.parameters(&beta));
+            worst[0] = worst[0].max((a.height - b.height).abs());
+            worst[1] = worst[1].max((a.mass - b.mass).abs());
+            assert_eq!(derived.bmi(&beta), body.anatomy.bmi(&beta));
+            let fat = derived.fat_thickness(&beta).into_iter().zip(body.anatomy.fat_thickness(&beta));
+            worst[2] = worst[2].max(fat.map(|(a, b)| (a - b).abs()).sum::<f32>() / body.model.vertex_count() as f32);
+        }
+        println!("{name}: height knob {:.2}, mass knob {:.2}, fat {:.2} mm", worst[0], worst[1], 1e3 * worst[2]);
+        assert!(worst[0] < 0.3 && worst[1] < 0.6 && worst[2] < 2e-3, "{name}: {worst:?}");
+    }
+    let mut other = bodies()[0].1.model.clone();
+    other.skeleton.parents[15] = Some(9);
+    assert!(Anatomy::of(&other).unwrap_err().to_string().contains("24 joints are not those"));
 }
 
 #[test]

@@ -1,9 +1,11 @@
 //! What the user typed, before it is checked.
 
 mod import;
+mod import_body;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 pub use import::*;
+pub use import_body::*;
 use std::path::PathBuf;
 
 /// Learns how flesh moves: from 4D scans of moving people to a small model that adds soft-tissue motion to

@@ -1,7 +1,8 @@
 use super::bones::{BoneField, bones};
-use super::parameters::{PARAMETERS, ShapeParameters};
-use super::parts::Tissue;
-use crate::{BODY_DENSITY, BodyError, BodyModel, Result};
+use super::parameters::{MASS_STEP, NEUTRAL_BMI, NEUTRAL_STATURE, PARAMETERS, STATURE_STEP, ShapeParameters};
+use super::parts::{Landmarks, Tissue, tissue};
+use super::relax::Net;
+use crate::{BODY_DENSITY, BodyError, BodyModel, Result, Skeleton};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +34,47 @@ impl Anatomy {
             breast: tissue.breast,
             viscera: tissue.viscera,
         }
+    }
+
+    /// Of any body with SMPL's 24 joints, whoever made it: bones between its joints, fat by its regions. Of the knobs
+    /// only stature and mass are known; the others stay at zero.
+    ///
+    /// # Errors
+    /// Another skeleton, an open mesh without volume, or a body outside of human size.
+    pub fn of(model: &BodyModel) -> Result<Self> {
+        if model.skeleton.parents != Skeleton::smpl().parents {
+            return Err(BodyError::Inconsistent(format!(
+                "its {} joints are not those of SMPL's skeleton, which bones and fat are known for",
+                model.joint_count()
+            )));
+        }
+        let marks = Landmarks::of(model)?;
+        let net = Net::of_polygons(&model.topology.faces, &model.mirror.vertices, &model.template);
+        let tissue = tissue(&marks, &net, &model.template, &model.regions);
+        let mut anatomy = Self::new(model, vec![vec![0.0; model.shape_count() + 1]; PARAMETERS], tissue);
+        let (volume, neutral) = (anatomy.volume(&[]), f64::from(anatomy.stature[0]));
+        if volume.is_nan() || volume < 0.01 {
+            return Err(BodyError::Inconsistent(format!(
+                "its volume is {:.1} l: its surface is open or turned inside out",
+                volume * 1e3
+            )));
+        }
+        let stature = |s: f32| s / (NEUTRAL_STATURE * STATURE_STEP);
+        let mut height: Vec<f32> = anatomy.stature.iter().map(|s| stature(*s)).collect();
+        height[0] -= 1.0 / STATURE_STEP;
+        let log_bmi =
+            |volume: f64, stature: f64| (volume * BODY_DENSITY / stature.powi(2) / NEUTRAL_BMI).ln() / MASS_STEP.ln();
+        let mut mass = vec![log_bmi(volume, neutral) as f32];
+        for k in 0..model.shape_count() {
+            let mut beta = vec![0.0; k + 1];
+            let mut at = |b: f32| {
+                beta[k] = b;
+                log_bmi(anatomy.volume(&beta).max(1e-3), anatomy.height(&beta).max(0.1))
+            };
+            mass.push(((at(1.5) - at(-1.5)) / 3.0) as f32);
+        }
+        (anatomy.knobs[0], anatomy.knobs[1]) = (height, mass);
+        Ok(anatomy)
     }
 
     /// Shape coefficients `S`.

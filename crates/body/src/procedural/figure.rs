@@ -3,6 +3,7 @@
 
 use super::implicit::{Cone, Group, Implicit, Loft, Mirrored, Primitive, Section};
 use super::parameters::ShapeParameters;
+use super::parts::Landmarks;
 use super::skeleton::{JOINTS, joints};
 use glam::{Mat3, Vec3};
 
@@ -105,6 +106,11 @@ impl Figure {
             detail(self.joints[10] + v(0.005, 0.0, 0.035) * s, 0.09, 0.32),
             detail(self.breast_extent().0, 0.09, 0.22),
         ]
+    }
+
+    /// Where things are on it.
+    pub fn landmarks(&self) -> Landmarks {
+        Landmarks { joints: self.joints, scale: self.scale, breast: self.breast_extent() }
     }
 
     /// The whole left half in one implicit, for extraction.

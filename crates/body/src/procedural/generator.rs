@@ -1,22 +1,21 @@
 use super::anatomy::Anatomy;
+use super::assembly::{Stage, align_axes, assemble, mirror_rows};
 use super::atlas::atlas;
 use super::figure::Figure;
-use super::joint_rows::{joint_rows, solve_symmetric};
+use super::joint_rows::solve_symmetric;
 use super::parameters::{PARAMETERS, ShapeParameters, sample_people};
 use super::parts;
-use super::pose_fit::PoseFit;
 use super::relax::{Net, fit_figure};
-use super::shape_space::{Scores, directions, mean, principal_scores};
+use super::shape_space::{Scores, principal_scores};
 use super::skeleton::JOINTS;
 use super::subdivision::{SubdivisionMap, subdivide};
 use super::surface_nets::{Grid, QuadMesh, planes, surface_net, symmetric_planes};
-use super::weights::{dense_weights, mirrored_joint, skin_weights};
-use crate::{BodyError, BodyModel, Mirror, Result, ShapedBody, Skeleton};
+use super::weights::dense_weights;
+use crate::{BodyError, BodyModel, Result};
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use softtissue_geometry::{Topology, signed_volume};
-use std::sync::Arc;
+use softtissue_geometry::Topology;
 
 /// What body to make.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -100,15 +99,8 @@ pub fn generate_levels(config: &ProceduralConfig) -> Result<Levels> {
         .collect();
     let dense = mirror_rows(&net, dense);
     let (coarse_body, scores) = coarse.finish()?;
-    let stage = Stage {
-        mesh: &fine_mesh,
-        net: &net,
-        dense: &dense,
-        samples: &samples,
-        figures: &coarse.figures,
-        seed: config.seed,
-    };
-    Ok(Levels { coarse: coarse_body, fine: assemble(&stage, &scores)?, subdivision })
+    let fine = Level { mesh: &fine_mesh, net: &net, dense: &dense, samples: &samples, figures: &coarse.figures };
+    Ok(Levels { coarse: coarse_body, fine: fine.body(&scores, config.seed)?, subdivision })
 }
 
 /// Everything of level 0 that level 1 builds on.
@@ -141,15 +133,14 @@ impl Coarse {
         let mut scores = principal_scores(&self.samples, self.config.shapes);
         align_axes(&mut scores, &self.samples, &split_quads(&self.mesh));
         fix_signs(&mut scores, &self.figures);
-        let stage = Stage {
+        let level = Level {
             mesh: &self.mesh,
             net: &self.net,
             dense: &self.dense,
             samples: &self.samples,
             figures: &self.figures,
-            seed: self.config.seed,
         };
-        Ok((assemble(&stage, &scores)?, scores))
+        Ok((level.body(&scores, self.config.seed)?, scores))
     }
 }
 
@@ -182,41 +173,6 @@ fn grid() -> Grid {
     }
 }
 
-/// Turns the components so that the first points along stature and the second along log BMI at fixed stature, as far
-/// as these are linear in the scores; the others stay in order. The scores are white, so any rotation of them is as
-/// good a basis of the same bodies.
-fn align_axes(scores: &mut Scores, samples: &[Vec<Vec3>], topology: &Topology) {
-    let statures: Vec<f64> = samples
-        .iter()
-        .map(|x| {
-            let (low, high) = x.iter().fold((f32::MAX, f32::MIN), |(l, h), p| (l.min(p.y), h.max(p.y)));
-            f64::from(high - low)
-        })
-        .collect();
-    let bmi = |(x, stature): (&Vec<Vec3>, &f64)| (signed_volume(x, &topology.faces) / stature.powi(2)).ln();
-    let log_bmi: Vec<f64> = samples.iter().zip(&statures).map(bmi).collect();
-    let count = scores.values[0].len();
-    // the scores' means are zero, so the products need no centring
-    let towards = |target: &[f64]| -> Vec<f64> {
-        (0..count).map(|k| scores.values.iter().zip(target).map(|(r, t)| r[k] * t).sum()).collect()
-    };
-    let mut candidates = vec![towards(&statures), towards(&log_bmi)];
-    candidates.extend((2..count).map(|k| (0..count).map(|i| if i == k { 1.0 } else { 0.0 }).collect()));
-    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(count);
-    for mut axis in candidates {
-        for done in &basis {
-            let dot: f64 = axis.iter().zip(done).map(|(a, d)| a * d).sum();
-            axis.iter_mut().zip(done).for_each(|(a, d)| *a -= dot * d);
-        }
-        let length = axis.iter().map(|a| a * a).sum::<f64>().sqrt();
-        axis.iter_mut().for_each(|a| *a /= length);
-        basis.push(axis);
-    }
-    for row in &mut scores.values {
-        *row = basis.iter().map(|axis| axis.iter().zip(row.iter()).map(|(a, r)| a * r).sum()).collect();
-    }
-}
-
 /// `beta[0]` positive = taller, `beta[1]` negative = heavier, the rest by their largest knob.
 fn fix_signs(scores: &mut Scores, figures: &[Figure]) {
     let correlation = |scores: &Scores, k: usize, knob: usize| -> f64 {
@@ -237,84 +193,34 @@ fn fix_signs(scores: &mut Scores, figures: &[Figure]) {
     }
 }
 
-fn mirror_rows(net: &Net, mut rows: Vec<[f32; JOINTS]>) -> Vec<[f32; JOINTS]> {
-    for &v in net.left() {
-        let (v, m) = (v as usize, net.mirror[v as usize] as usize);
-        let row = rows[v];
-        let flipped = std::array::from_fn(|j| row[mirrored_joint(j)]);
-        if v == m {
-            rows[v] = std::array::from_fn(|j| 0.5 * (row[j] + flipped[j]));
-        } else {
-            rows[m] = flipped;
-        }
-    }
-    rows
-}
-
-struct Stage<'a> {
+/// One level of the mesh with the people who were sampled on it.
+struct Level<'a> {
     mesh: &'a QuadMesh,
     net: &'a Net,
     dense: &'a [[f32; JOINTS]],
     samples: &'a [Vec<Vec3>],
     figures: &'a [Figure],
-    seed: u64,
 }
 
-fn assemble(stage: &Stage, scores: &Scores) -> Result<ProceduralBody> {
-    let base = Figure::new(ShapeParameters::default());
-    let template = mean(stage.samples);
-    let v = template.len();
-    let topology = Arc::new(split_quads(stage.mesh));
-    let genus = topology.check_closed_manifold().map_err(|e| BodyError::Generator(e.to_string()))?;
-    if genus != 0 {
-        return Err(BodyError::Generator(format!("the mesh has genus {genus}")));
-    }
-    let regions = parts::regions(&base, stage.net, &stage.mesh.positions, stage.dense);
-    let tissue = parts::tissue(&base, stage.net, &stage.mesh.positions, &regions);
-    let shapes = scores.values[0].len();
-    let mut shape_directions = directions(stage.samples, scores);
-    for k in 0..shapes {
-        mirror_field(stage.net, &mut shape_directions[k * v..(k + 1) * v]);
-    }
-    let mut template = template;
-    mirror_field(stage.net, &mut template);
-    let joint_regressor = joint_rows(stage.net, &template, stage.samples, stage.figures);
-    let labels = parts::chart_labels(&base, &topology, &stage.mesh.positions, stage.dense);
-    let uv = atlas(&topology, &stage.mesh.positions, &labels);
-    let skin = skin_weights(stage.net, stage.dense);
-    let skeleton = Skeleton::smpl();
-    let shaped = ShapedBody { joints: joint_regressor.joints(&template), vertices: template };
-    let fit = PoseFit { shaped: &shaped, skin: &skin, parents: &skeleton.parents, net: stage.net, seed: stage.seed };
-    let pose_directions = fit.directions();
-    let template = shaped.vertices;
-    let model = BodyModel {
-        template,
-        shape_directions,
-        pose_directions,
-        joint_regressor,
-        skin,
-        skeleton,
-        uv,
-        mirror: Mirror {
-            vertices: stage.net.mirror.clone(),
-            joints: (0..JOINTS).map(|j| mirrored_joint(j) as u8).collect(),
-        },
-        regions,
-        topology,
-    };
-    let anatomy = Anatomy::new(&model, knob_regression(scores, stage.figures), tissue);
-    Ok(ProceduralBody { model, anatomy })
-}
-
-fn mirror_field(net: &Net, field: &mut [Vec3]) {
-    for &v in net.left() {
-        let (v, m) = (v as usize, net.mirror[v as usize] as usize);
-        let p = field[v];
-        if v == m {
-            field[v].x = 0.0;
-        } else {
-            field[m] = Vec3::new(-p.x, p.y, p.z);
-        }
+impl Level<'_> {
+    fn body(&self, scores: &Scores, seed: u64) -> Result<ProceduralBody> {
+        let marks = Figure::new(ShapeParameters::default()).landmarks();
+        let topology = split_quads(self.mesh);
+        let labels = parts::chart_labels(&marks, &topology, &self.mesh.positions, self.dense);
+        let stage = Stage {
+            uv: atlas(&topology, &self.mesh.positions, &labels),
+            topology,
+            net: self.net,
+            neutral: &self.mesh.positions,
+            dense: self.dense,
+            samples: self.samples,
+            joints: &self.figures.iter().map(|f| f.joints).collect::<Vec<_>>(),
+            marks,
+            seed,
+        };
+        let (model, tissue) = assemble(stage, scores)?;
+        let anatomy = Anatomy::new(&model, knob_regression(scores, self.figures), tissue);
+        Ok(ProceduralBody { model, anatomy })
     }
 }
 

@@ -1,6 +1,5 @@
 //! The joint regressor: sparse affine combinations of rest vertices fitted over the sampled people.
 
-use super::figure::Figure;
 use super::relax::Net;
 use super::skeleton::JOINTS;
 use super::weights::mirrored_joint;
@@ -14,8 +13,8 @@ const REACH: f32 = 0.25;
 /// Pull of each weight towards the even share, square metres.
 const PULL: f64 = 2e-5;
 
-/// Fits every joint of `figures` to the vertices of `samples` (same order). Rows sum to one.
-pub fn joint_rows(net: &Net, template: &[Vec3], samples: &[Vec<Vec3>], figures: &[Figure]) -> JointRegressor {
+/// Fits every joint of sampled people (`[N]` of 24) to the vertices of `samples` (same order). Rows sum to one.
+pub fn joint_rows(net: &Net, template: &[Vec3], samples: &[Vec<Vec3>], people: &[[Vec3; JOINTS]]) -> JointRegressor {
     let mut rows: Vec<Vec<(u32, f32)>> = vec![Vec::new(); JOINTS];
     for j in 0..JOINTS {
         let other = mirrored_joint(j);
@@ -24,8 +23,8 @@ pub fn joint_rows(net: &Net, template: &[Vec3], samples: &[Vec<Vec3>], figures: 
             rows[j].sort_unstable_by_key(|(v, _)| *v);
             continue;
         }
-        let support = support(net, template, figures, j, other == j);
-        let mut w = solve_row(&support, samples, figures, j);
+        let support = support(net, template, people, j, other == j);
+        let mut w = solve_row(&support, samples, people, j);
         if other == j {
             let of = |v: u32| support.iter().position(|s| *s == v).expect("the support is symmetric");
             w = support.iter().map(|v| 0.5 * (w[of(*v)] + w[of(net.mirror[*v as usize])])).collect();
@@ -37,8 +36,8 @@ pub fn joint_rows(net: &Net, template: &[Vec3], samples: &[Vec<Vec3>], figures: 
 }
 
 /// The vertices nearest to the mean joint in each octant, closed under mirroring for a middle joint; ascending.
-fn support(net: &Net, template: &[Vec3], figures: &[Figure], joint: usize, middle: bool) -> Vec<u32> {
-    let at = figures.iter().map(|f| f.joints[joint]).sum::<Vec3>() / figures.len() as f32;
+fn support(net: &Net, template: &[Vec3], people: &[[Vec3; JOINTS]], joint: usize, middle: bool) -> Vec<u32> {
+    let at = people.iter().map(|joints| joints[joint]).sum::<Vec3>() / people.len() as f32;
     let distance = |v: &u32| template[*v as usize].distance_squared(at);
     let mut octants = vec![Vec::new(); 8];
     for (v, p) in template.iter().enumerate() {
@@ -62,7 +61,7 @@ fn support(net: &Net, template: &[Vec3], figures: &[Figure], joint: usize, middl
     chosen
 }
 
-fn solve_row(support: &[u32], samples: &[Vec<Vec3>], figures: &[Figure], joint: usize) -> Vec<f64> {
+fn solve_row(support: &[u32], samples: &[Vec<Vec3>], people: &[[Vec3; JOINTS]], joint: usize) -> Vec<f64> {
     let n = support.len();
     let even = 1.0 / n as f64;
     let mut a = vec![vec![0.0; n]; n];
@@ -74,8 +73,8 @@ fn solve_row(support: &[u32], samples: &[Vec<Vec3>], figures: &[Figure], joint: 
         }
         a[i][i] += PULL;
     }
-    for (sample, figure) in samples.iter().zip(figures) {
-        let target = figure.joints[joint].as_dvec3();
+    for (sample, joints) in samples.iter().zip(people) {
+        let target = joints[joint].as_dvec3();
         let local: Vec<_> = support.iter().map(|v| sample[*v as usize].as_dvec3() - target).collect();
         let residual = -local.iter().copied().sum::<glam::DVec3>() * even;
         for i in 0..n {

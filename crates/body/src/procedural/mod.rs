@@ -18,9 +18,12 @@
 //!
 //! How it is made: an implicit figure of lofts, cones and ellipsoids steered by eight knobs ([`ShapeParameters`]);
 //! surface nets on a mirror-symmetric grid; the same topology carried to every sampled person by homotopy,
-//! projection and tangential relaxation; principal components over the people.
+//! projection and tangential relaxation; principal components over the people. From there on nothing knows where the
+//! people came from: [`SampledPeople`] makes a body of anybody's, and [`Anatomy::of`] puts flesh under any body of
+//! these joints.
 
 mod anatomy;
+mod assembly;
 mod atlas;
 mod bones;
 mod chart;
@@ -32,6 +35,7 @@ mod parameters;
 mod parts;
 mod pose_fit;
 mod relax;
+mod sampled;
 mod shape_space;
 mod skeleton;
 mod subdivision;
@@ -42,4 +46,5 @@ pub use anatomy::Anatomy;
 pub use bones::{BoneCapsule, BoneField};
 pub use generator::{Levels, ProceduralBody, ProceduralConfig, generate, generate_levels};
 pub use parameters::ShapeParameters;
+pub use sampled::{SampledPeople, SampledPerson, derived_regions};
 pub use subdivision::SubdivisionMap;

@@ -24,6 +24,15 @@ pub struct ShapeParameters {
 /// Knobs in [`ShapeParameters`].
 pub const PARAMETERS: usize = 8;
 
+/// Relative stature of a unit of the height knob.
+pub const STATURE_STEP: f32 = 0.042;
+/// Factor on the body mass index of a unit of the mass knob.
+pub const MASS_STEP: f64 = 1.15;
+/// Stature of the neutral figure, metres (a test measures it).
+pub const NEUTRAL_STATURE: f32 = 1.682;
+/// Body mass index of the neutral figure, kg/m^2 (a test measures it).
+pub const NEUTRAL_BMI: f64 = 23.06;
+
 impl ShapeParameters {
     /// In declared order.
     pub fn to_array(self) -> [f32; PARAMETERS] {
@@ -44,7 +53,7 @@ impl ShapeParameters {
     }
     /// Size against the neutral body.
     pub fn scale(self) -> f32 {
-        1.0 + 0.042 * self.height
+        1.0 + STATURE_STEP * self.height
     }
     /// Scales all knobs towards the neutral body.
     pub fn scaled(self, s: f32) -> Self {

@@ -1,18 +1,66 @@
 //! Named regions and tissue of the neutral mesh.
 
-use super::figure::Figure;
+use super::parameters::NEUTRAL_STATURE;
 use super::relax::Net;
 use super::skeleton::JOINTS;
 use super::weights::diffuse;
-use crate::{Region, RegionMap};
+use crate::{BodyError, BodyModel, Region, RegionMap, Result};
 use glam::{Vec2, Vec3};
 use softtissue_geometry::Topology;
 
+/// Where things are on the neutral body, metres.
+#[derive(Clone, Copy, Debug)]
+pub struct Landmarks {
+    /// Rest joints.
+    pub joints: [Vec3; JOINTS],
+    /// Size against the procedural body of neutral stature.
+    pub scale: f32,
+    /// Middle of the left breast and its radius.
+    pub breast: (Vec3, f32),
+}
+
+impl Landmarks {
+    /// Of a body with SMPL's 24 joints. The breast is looked for on the front of the chest.
+    ///
+    /// # Errors
+    /// A body outside of human size or without a chest.
+    pub fn of(model: &BodyModel) -> Result<Self> {
+        let joints = model.joint_regressor.joints(&model.template);
+        Self::measured(&model.template, &joints)
+    }
+
+    /// Of a rest mesh in metres, Y up, facing +Z, and its 24 joints.
+    ///
+    /// # Errors
+    /// As [`Landmarks::of`].
+    pub fn measured(positions: &[Vec3], joints: &[Vec3]) -> Result<Self> {
+        let bad = |reason: String| Err(BodyError::Inconsistent(reason));
+        let Ok(joints) = <[Vec3; JOINTS]>::try_from(joints) else {
+            return bad(format!("it has {} joints, expected SMPL's {JOINTS}", joints.len()));
+        };
+        let (low, high) = positions.iter().fold((f32::MAX, f32::MIN), |(l, h), p| (l.min(p.y), h.max(p.y)));
+        let scale = (high - low) / NEUTRAL_STATURE;
+        if !(0.3..=2.0).contains(&scale) {
+            return bad(format!("it is {:.2} m tall along Y: give it in metres with Y up", high - low));
+        }
+        // the neck and collars lie above the breast, the belly below
+        let (bottom, top) = (joints[9].y - 0.06 * scale, joints[12].y - 0.12 * scale);
+        let side =
+            |p: &&Vec3| (0.035 * scale..0.14 * scale).contains(&(p.x - joints[9].x)) && (bottom..top).contains(&p.y);
+        let Some(tip) = positions.iter().filter(side).max_by(|a, b| a.z.total_cmp(&b.z)) else {
+            return bad("it has no chest above the third joint of its spine".into());
+        };
+        let radius = 0.050 * scale;
+        let breast = (Vec3::new(tip.x, tip.y, tip.z - 0.6 * radius), radius);
+        Ok(Self { joints, scale, breast })
+    }
+}
+
 /// The region of each vertex, symmetric.
-pub fn regions(figure: &Figure, net: &Net, positions: &[Vec3], dense: &[[f32; JOINTS]]) -> RegionMap {
+pub fn regions(marks: &Landmarks, net: &Net, positions: &[Vec3], dense: &[[f32; JOINTS]]) -> RegionMap {
     let mut map = vec![Region::Rest; positions.len()];
     for &v in net.left() {
-        let r = region(figure, positions[v as usize], &dense[v as usize]);
+        let r = region(marks, positions[v as usize], &dense[v as usize]);
         map[v as usize] = r;
         map[net.mirror[v as usize] as usize] = r;
     }
@@ -20,9 +68,9 @@ pub fn regions(figure: &Figure, net: &Net, positions: &[Vec3], dense: &[[f32; JO
 }
 
 /// `p` lies on the left or in the middle.
-fn region(figure: &Figure, p: Vec3, weights: &[f32; JOINTS]) -> Region {
-    let j = &figure.joints;
-    let s = figure.scale;
+fn region(marks: &Landmarks, p: Vec3, weights: &[f32; JOINTS]) -> Region {
+    let j = &marks.joints;
+    let s = marks.scale;
     let share = |joints: &[usize]| joints.iter().map(|j| weights[*j]).sum::<f32>();
     let along = |a: usize, b: usize| (p - j[a]).dot(j[b] - j[a]) / (j[b] - j[a]).length_squared();
     if share(&[12, 15]) > 0.6 && p.y > j[12].y + 0.01 * s {
@@ -62,9 +110,9 @@ fn region(figure: &Figure, p: Vec3, weights: &[f32; JOINTS]) -> Region {
 }
 
 /// The texture chart of each quad: body part, times two for front and back (for hands and feet: above and below).
-pub fn chart_labels(figure: &Figure, topology: &Topology, positions: &[Vec3], dense: &[[f32; JOINTS]]) -> Vec<u32> {
+pub fn chart_labels(marks: &Landmarks, topology: &Topology, positions: &[Vec3], dense: &[[f32; JOINTS]]) -> Vec<u32> {
     const PART: [u32; JOINTS] = [0, 1, 2, 0, 3, 4, 0, 5, 6, 0, 5, 6, 7, 0, 0, 7, 8, 9, 10, 11, 12, 13, 12, 13];
-    let j = &figure.joints;
+    let j = &marks.joints;
     topology
         .quads
         .iter()
@@ -76,9 +124,9 @@ pub fn chart_labels(figure: &Figure, topology: &Topology, positions: &[Vec3], de
             let part = (0..14).fold(0, |best, p| if shares[p] > shares[best] { p } else { best });
             let centre = quad.iter().map(|v| positions[*v as usize]).sum::<Vec3>() * 0.25;
             let front = match part {
-                0 => centre.z > j[6].z + 0.01 * figure.scale,
+                0 => centre.z > j[6].z + 0.01 * marks.scale,
                 7 => centre.z > j[15].z,
-                5 | 6 => centre.y > 0.02 * figure.scale,
+                5 | 6 => centre.y > 0.02 * marks.scale,
                 12 | 13 => {
                     let (wrist, hand) = (j[20 + part - 12], j[22 + part - 12]);
                     (centre - wrist).dot((hand - wrist).cross(Vec3::Z)) > 0.0
@@ -118,15 +166,15 @@ pub struct Tissue {
 }
 
 /// Thickness by region, blended by diffusion over about 3 cm.
-pub fn tissue(figure: &Figure, net: &Net, positions: &[Vec3], regions: &RegionMap) -> Tissue {
+pub fn tissue(marks: &Landmarks, net: &Net, positions: &[Vec3], regions: &RegionMap) -> Tissue {
     const BLEND: f32 = 0.025 * 0.025;
-    let (centre, radius) = figure.breast_extent();
+    let (centre, radius) = marks.breast;
     // the footprint on the chest, seen from the front: about 11 cm across
     let is_breast = |p: Vec3| {
         let across = Vec2::new(p.x.abs() - centre.x, p.y - centre.y);
         across.length() < 1.1 * radius && p.z > centre.z - 0.2 * radius
     };
-    let flank = |p: Vec3| p.x.abs() > 0.085 * figure.scale;
+    let flank = |p: Vec3| p.x.abs() > 0.085 * marks.scale;
     let fat: Vec<f32> = positions
         .iter()
         .zip(&regions.0)

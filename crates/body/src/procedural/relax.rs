@@ -17,23 +17,29 @@ pub struct Net {
 }
 
 impl Net {
-    /// Takes the left half (and the middle) from the sign of x.
+    /// Of a mesh of quads.
     pub fn new(mesh: &QuadMesh) -> Self {
-        let mut neighbours = vec![Vec::new(); mesh.positions.len()];
-        for quad in &mesh.quads {
-            for c in 0..4 {
-                neighbours[quad[c] as usize].push(quad[(c + 1) % 4]);
-                neighbours[quad[(c + 1) % 4] as usize].push(quad[c]);
+        Self::of_polygons(&mesh.quads, &mesh.mirror, &mesh.positions)
+    }
+
+    /// Of polygons of any number of corners. The left half is the one of larger x; the middle belongs to it.
+    pub fn of_polygons<const N: usize>(polygons: &[[u32; N]], mirror: &[u32], positions: &[Vec3]) -> Self {
+        let mut neighbours = vec![Vec::new(); positions.len()];
+        for polygon in polygons {
+            for c in 0..N {
+                neighbours[polygon[c] as usize].push(polygon[(c + 1) % N]);
+                neighbours[polygon[(c + 1) % N] as usize].push(polygon[c]);
             }
         }
         for n in &mut neighbours {
             n.sort_unstable();
             n.dedup();
         }
-        let left = (0..mesh.positions.len() as u32)
-            .filter(|v| mesh.mirror[*v as usize] == *v || mesh.positions[*v as usize].x > 0.0)
-            .collect();
-        Self { mirror: mesh.mirror.clone(), neighbours, left }
+        // Of a pair on one side of x = 0, as a body that is not quite symmetric has, one is taken all the same.
+        let rank = |v: u32| (positions[v as usize].x, v);
+        let is_left = |v: &u32| mirror[*v as usize] == *v || rank(*v) > rank(mirror[*v as usize]);
+        let left = (0..positions.len() as u32).filter(is_left).collect();
+        Self { mirror: mirror.to_vec(), neighbours, left }
     }
 
     /// Vertices joined to `v` by a quad edge.

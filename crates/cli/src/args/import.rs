@@ -1,6 +1,6 @@
 //! `import` and what may come in.
 
-use super::Settings;
+use super::{ImportBodyArgs, Settings};
 use clap::{Args, Subcommand, ValueEnum};
 use softtissue_import::motion::MotionUnits;
 use std::path::PathBuf;
@@ -16,6 +16,8 @@ pub struct ImportArgs {
 /// What may come in.
 #[derive(Debug, Subcommand)]
 pub enum Import {
+    /// A parametric body: SMPL, SMPL-H, SMPL-X or Anny into a body file.
+    Body(ImportBodyArgs),
     /// 4D scans into a scan set: HDF5 of DFAUST and Dyna, OBJ and PLY sequences, npz of vertices.
     Scans(ImportScansArgs),
     /// A motion: BVH, ASF/AMC or AMASS into a motion clip on our skeleton.

@@ -1,4 +1,4 @@
-//! The procedural body of a configuration, made once and kept.
+//! The body of a configuration: a file of its own, or the procedural body, made once and kept.
 
 use super::context::fingerprint;
 use crate::config::Config;
@@ -21,8 +21,12 @@ pub struct KeptBody {
     pub sha256: String,
 }
 
-/// Reads the body from the cache, or makes it and keeps it there.
+/// Reads the body that the settings name, or the procedural one from the cache, or makes it and keeps it there.
 pub fn load_body(config: &Config, data_dir: &Path, monitor: &dyn Monitor) -> Result<KeptBody> {
+    if config.synth.has_body_file() {
+        let path = &config.synth.body;
+        return Ok(KeptBody { model: Arc::new(BodyModel::read(path)?), sha256: sha256_file(path)? });
+    }
     let settings = ProceduralConfig { level: config.synth.level, ..Default::default() };
     let name = fingerprint(&(env!("CARGO_PKG_VERSION"), GENERATOR, &settings))?;
     let path = data_dir.join("cache").join(format!("body-{name}.safetensors"));

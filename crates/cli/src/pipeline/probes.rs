@@ -28,7 +28,7 @@ pub fn stop_probes(context: &Context, fit: &FitSet, split: &Split, generated: bo
     let synth = context.config.synth.clone();
     let config =
         SynthConfig { motions: vec![MOTION.into()], frames: (SECONDS * synth.fps) as usize, takes: 1, ..synth };
-    let folder = context.data_dir.join("cache").join(format!("stop-{}", &config.fingerprint()[..16]));
+    let folder = context.data_dir.join("cache").join(format!("stop-{}", &config.fingerprint()?[..16]));
     let subjects = heaviest_subjects(fit, &split.train, wanted)?;
     simulate(&config, &subjects, &folder, context.monitor)?;
     let probe = |subject: &String| {

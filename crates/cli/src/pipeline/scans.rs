@@ -76,7 +76,7 @@ impl Scans {
 
 /// Makes the configured scans in the cache, or finds them there.
 pub fn make_scans(config: &Config, data_dir: &Path, monitor: &dyn Monitor) -> Result<Scans> {
-    let fingerprint = config.synth.fingerprint();
+    let fingerprint = config.synth.fingerprint()?;
     let out = data_dir.join("cache").join(&fingerprint[..16]);
     let set = dataset::write(&config.synth, &out, monitor)?;
     Ok(Scans { set, truth: Some(dataset::truth_path(&out)), fingerprint, generated: true })

@@ -4,10 +4,11 @@ mod foreign_scans;
 
 use crate::args::InspectArgs;
 use crate::exit::{InputError, UsageError};
-use crate::verbs::inspect_motion;
+use crate::verbs::{body_facts, inspect_motion};
 use anyhow::Result;
 use glam::Vec3;
 use serde_json::{Map, Value, json};
+use softtissue_body::BodyModel;
 use softtissue_clips::{DeltaClip, FitSet, FittedSubject, MotionClip, ScanClip, ScanSet, TruthSet};
 use softtissue_geometry::Frames;
 use softtissue_import::motion::is_motion_file;
@@ -61,11 +62,12 @@ fn inspect(path: &Path) -> Result<Value> {
         Some("safetensors") => tensors(path),
         Some("obj" | "OBJ") => mesh(path),
         Some("ply" | "PLY") => foreign_scans::ply(path),
+        _ if body_facts::is_foreign(path) => body_facts::foreign(path),
         Some("hdf5" | "h5" | "npz") => foreign_scans::source(path),
         _ if !path.exists() => Err(InputError(format!("{} does not exist: check the path", path.display())).into()),
         _ => Err(InputError(format!(
-            "{}: no file that softtissue knows (clips are .safetensors, meshes .obj and .ply, scans .hdf5, .h5 and .npz, \
-             motions .bvh, .amc and .npz)",
+            "{}: no file that softtissue knows (clips and bodies are .safetensors, meshes .obj and .ply, scans .hdf5, .h5 and \
+             .npz, motions .bvh, .amc and .npz, foreign bodies .pkl and .npz)",
             path.display()
         ))
         .into()),
@@ -201,6 +203,7 @@ fn tensors(path: &Path) -> Result<Value> {
             }
             Ok(facts)
         }
+        Some("body") => Ok(body_facts::facts(&BodyModel::read(path)?)),
         Some("fitted-subject") => {
             let s = FittedSubject::read(path)?;
             let spread = |w: &[f32]| json!({"least": w.iter().copied().fold(f32::MAX, f32::min), "most": w.iter().copied().fold(0.0, f32::max)});

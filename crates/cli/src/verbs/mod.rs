@@ -1,6 +1,7 @@
 //! One module a verb.
 
 pub mod animate;
+mod body_facts;
 pub mod config;
 mod contact_sheet;
 mod controls;

@@ -12,7 +12,8 @@ use softtissue_synth::dataset;
 pub fn run(args: &SynthArgs, signals: &Signals) -> Result<()> {
     let config = resolve(&args.settings)?.config;
     let terminal = Terminal::new(signals.clone(), args.settings.quiet);
-    let cache = || data_dir(&args.settings).join("cache").join(&config.synth.fingerprint()[..16]);
+    let fingerprint = config.synth.fingerprint()?;
+    let cache = || data_dir(&args.settings).join("cache").join(&fingerprint[..16]);
     let out = args.out.clone().unwrap_or_else(cache);
     let set = dataset::write(&config.synth, &out, &terminal)?;
     crate::print_line(&format!("{} clips: {}", set.clips().len(), dataset::scans_path(&out).display()));

@@ -30,6 +30,25 @@ impl Array {
         Ok(array)
     }
 
+    /// From raw elements, as they stand in a pickle.
+    ///
+    /// # Errors
+    /// Objects; fewer or more data than the shape states.
+    pub(crate) fn from_raw(
+        place: Place,
+        element: ElementType,
+        fortran_order: bool,
+        shape: Vec<usize>,
+        bytes: Vec<u8>,
+        limits: &ArrayLimits,
+    ) -> Result<Self> {
+        let header = Header { element, fortran_order, shape, data: 0 };
+        header.check(limits).map_err(|reason| place.refuse(reason))?;
+        let array = Self { place, element, fortran_order, shape: header.shape, bytes, data: 0 };
+        array.check_length()?;
+        Ok(array)
+    }
+
     fn check_length(&self) -> Result<()> {
         // Checked against overflow together with the head.
         let expected = self.len() * self.element.size;
@@ -136,6 +155,11 @@ impl Array {
             (Some(text), true) => Ok(text),
             _ => Err(self.refuse(format!("its shape is {:?}, expected a single text", self.shape))),
         }
+    }
+
+    /// The pickle of an object array.
+    pub(crate) fn pickle(&self) -> Option<&[u8]> {
+        (self.element.kind == ElementKind::Object).then(|| &self.bytes[self.data..])
     }
 
     fn numeric(&self) -> Result<()> {

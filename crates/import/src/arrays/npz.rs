@@ -27,6 +27,11 @@ impl Npz {
         Ok(Self { archive: Archive::open(path, limits)?, limits: *limits })
     }
 
+    /// Where the file lies.
+    pub fn path(&self) -> &Path {
+        self.archive.path()
+    }
+
     /// Names of the arrays, in order of bytes.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.archive.names().filter_map(|name| name.strip_suffix(".npy"))

@@ -1,7 +1,7 @@
-use crate::Result;
-use softtissue_body::procedural::{Levels, ProceduralBody, SubdivisionMap, generate, generate_levels};
-
 use super::SynthConfig;
+use crate::Result;
+use softtissue_body::BodyModel;
+use softtissue_body::procedural::{Anatomy, Levels, ProceduralBody, SubdivisionMap, generate, generate_levels};
 use softtissue_geometry::Frames;
 
 /// The body on which the flesh is simulated and the one that is scanned.
@@ -14,12 +14,15 @@ pub struct Bodies {
 }
 
 impl Bodies {
-    /// Makes the body that a configuration asks for.
+    /// Makes the body that a configuration asks for, or reads its file: flesh moves on its own mesh then.
     pub fn generate(config: &SynthConfig) -> Result<Self> {
-        Ok(if config.level == 0 {
-            Self { coarse: generate(&config.body())?, fine: None }
+        Ok(if config.has_body_file() {
+            let model = BodyModel::read(&config.body)?;
+            Self { coarse: ProceduralBody { anatomy: Anatomy::of(&model)?, model }, fine: None }
+        } else if config.level == 0 {
+            Self { coarse: generate(&config.procedural())?, fine: None }
         } else {
-            let Levels { coarse, fine, subdivision } = generate_levels(&config.body())?;
+            let Levels { coarse, fine, subdivision } = generate_levels(&config.procedural())?;
             Self { coarse, fine: Some((fine, subdivision)) }
         })
     }

@@ -4,8 +4,10 @@ use crate::scanner::ScannerConfig;
 use crate::subject::SubjectConfig;
 use crate::{Result, SynthError};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 use softtissue_body::procedural::ProceduralConfig;
-use softtissue_store::sha256_bytes;
+use softtissue_store::{sha256_bytes, sha256_file};
+use std::path::PathBuf;
 
 /// Raised whenever the same configuration would give other bytes, so that cached clips are not mistaken. No test
 /// pins those bytes: sines, logarithms and exponentials of the standard library differ in their last bits between
@@ -26,7 +28,9 @@ pub struct SynthConfig {
     pub frames: usize,
     /// Frames a second. Default 60.
     pub fps: f32,
-    /// Level of the body's mesh: 0 is 1724 vertices, 1 is 6890. Default 0. The flesh is simulated on level 0.
+    /// File of the body to put flesh on, as `softtissue import body` writes it. Default empty: the procedural body.
+    pub body: PathBuf,
+    /// Level of the procedural body's mesh: 0 is 1724 vertices, 1 is 6890. Default 0. The flesh is simulated on level 0.
     pub level: u8,
     /// Seed of everything drawn. Default 1.
     pub seed: u64,
@@ -48,6 +52,7 @@ impl Default for SynthConfig {
             takes: 1,
             frames: 150,
             fps: 60.0,
+            body: PathBuf::new(),
             level: 0,
             seed: 1,
             subjects: SubjectConfig::default(),
@@ -97,28 +102,46 @@ impl SynthConfig {
         if self.level > 1 {
             return bad("level", format!("level {} does not exist; write 0 or 1", self.level));
         }
+        if self.has_body_file() && self.level != 0 {
+            return bad("level", "it is of the procedural body; write 0 beside `body`".into());
+        }
         self.subjects.check()?;
         self.scanner.check()?;
         self.flesh.check()?;
         self.material.check()
     }
 
-    /// The body that the set is made of, at its own level.
-    pub fn body(&self) -> ProceduralConfig {
+    /// Whether the body comes from a file.
+    pub fn has_body_file(&self) -> bool {
+        !self.body.as_os_str().is_empty()
+    }
+
+    /// The procedural body that the set is made of, at its own level.
+    pub fn procedural(&self) -> ProceduralConfig {
         ProceduralConfig { level: self.level, ..Default::default() }
     }
 
-    /// SHA-256 over the configuration and the generator's version: names the folder of the cached clips.
-    pub fn fingerprint(&self) -> String {
+    /// SHA-256 over the configuration, the body and the generator's version: names the folder of the cached clips. Of a
+    /// body's file the content counts, not the place.
+    ///
+    /// # Errors
+    /// A body's file that cannot be read.
+    pub fn fingerprint(&self) -> Result<String> {
+        let value = |x: serde_json::Result<Value>| x.expect("a configuration holds finite numbers, texts and lists");
         // a `Value` keeps its keys sorted, so the text does not depend on the order of declaration
-        let mut config = serde_json::to_value(self).expect("a configuration holds finite numbers, texts and lists");
-        if self.scanner.raw_points == 0 {
-            // sets without raw scans are what they were before there were any
-            config["scanner"].as_object_mut().map(|scanner| scanner.remove("raw_points"));
+        let mut config = value(serde_json::to_value(self));
+        let body = if self.has_body_file() {
+            Value::String(sha256_file(&self.body)?)
+        } else {
+            value(serde_json::to_value(self.procedural()))
+        };
+        if let Value::Object(settings) = &mut config {
+            settings.remove("body");
+            if self.scanner.raw_points == 0 {
+                // sets without raw scans are what they were before there were any
+                settings.get_mut("scanner").and_then(Value::as_object_mut).map(|scanner| scanner.remove("raw_points"));
+            }
         }
-        let body = serde_json::to_value(self.body()).expect("a configuration holds finite numbers, texts and lists");
-        sha256_bytes(
-            serde_json::json!({ "generator": GENERATOR, "config": config, "body": body }).to_string().as_bytes(),
-        )
+        Ok(sha256_bytes(json!({ "generator": GENERATOR, "config": config, "body": body }).to_string().as_bytes()))
     }
 }

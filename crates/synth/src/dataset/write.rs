@@ -82,7 +82,7 @@ pub fn write_with(config: &SynthConfig, bodies: &Bodies, out: &Path, monitor: &d
     let body = &bodies.scanned().model;
     // the scans' list says where they came from, but nothing about the people in them
     let provenance =
-        serde_json::json!({ "source": "synth", "fingerprint": config.fingerprint(), "level": config.level });
+        serde_json::json!({ "source": "synth", "fingerprint": config.fingerprint()?, "level": config.level });
     Ok(ScanSet::finish(&scans_path(out), body.vertex_count(), &body.topology.hash(), provenance, entries)?)
 }
 
@@ -125,7 +125,7 @@ pub fn mean_flesh(config: &SynthConfig, bodies: &Bodies, beta: &[f32], motion: &
 /// Opens the folder: a finished set, or `None` where there is work left. Refuses another configuration's folder.
 fn begin(config: &SynthConfig, out: &Path) -> Result<Option<ScanSet>> {
     let path = out.join("synth.json");
-    let fingerprint = config.fingerprint();
+    let fingerprint = config.fingerprint()?;
     if path.exists() {
         let there: Recipe = read_json(&path)?;
         if there.fingerprint != fingerprint {
