@@ -7,6 +7,7 @@
 //! Source: CPython's `Lib/pickletools.py`, protocols 0 to 5 without out-of-band buffers.
 
 mod arrays;
+mod escapes;
 mod machine;
 mod opcodes;
 mod sparse;
