@@ -364,3 +364,21 @@ fn other_flesh_leaves_the_people_as_they_are() {
         assert!(flesh(a).iter().zip(flesh(b)).all(|(a, b)| *a != b), "{:?} {:?}", flesh(a), flesh(b));
     }
 }
+
+#[test]
+fn a_body_from_a_file_carries_flesh_and_is_named_by_its_content() {
+    let dir = tempfile::tempdir().unwrap();
+    let paths = ["a.safetensors", "b.safetensors"].map(|name| dir.path().join(name));
+    paths.iter().for_each(|path| bodies().coarse.model.write(path).unwrap());
+    let [here, there] = paths.map(|body| SynthConfig { body, frames: 60, ..small() });
+    assert_eq!(here.fingerprint().unwrap(), there.fingerprint().unwrap());
+    assert_ne!(here.fingerprint().unwrap(), SynthConfig { frames: 60, ..small() }.fingerprint().unwrap());
+    let read = Bodies::generate(&here).unwrap();
+    assert_eq!(read.scanned().model.template, bodies().scanned().model.template);
+    let (_, deltas) = true_clip(&here, &read, "s01", "jumping_jacks").unwrap();
+    let largest = deltas.deltas.points().iter().map(|d| d.length()).fold(0.0, f32::max);
+    assert!((0.002..0.1).contains(&largest), "{largest} m");
+    assert!(SynthConfig { level: 1, ..here.clone() }.check().unwrap_err().to_string().contains("level"));
+    let nowhere = SynthConfig { body: dir.path().join("c.safetensors"), ..small() };
+    assert!(nowhere.fingerprint().unwrap_err().to_string().contains("c.safetensors"));
+}

@@ -28,7 +28,7 @@ impl PickledArrays<'_> {
         let p = self.pickle;
         if let Some(numbers) = self.plain_numbers(id) {
             let shape = if p.items(id).is_some() { vec![numbers.len()] } else { vec![] };
-            return self.from_numbers(&numbers, shape, place);
+            return self.of_numbers(&numbers, shape, place);
         }
         let Some((module, name, arguments, state)) = p.object(id) else {
             return Err(place.refuse("it is no array; is the file a body model?"));
@@ -39,7 +39,7 @@ impl PickledArrays<'_> {
         if module.starts_with("numpy") {
             return match name {
                 "_reconstruct" => self.reconstructed(state, place, depth),
-                "_frombuffer" => self.from_buffer(arguments, place),
+                "_frombuffer" => self.buffered(arguments, place),
                 "scalar" => self.scalar(arguments, place),
                 _ => Err(place.refuse(format!("it is a {module}.{name}, expected an array"))),
             };
@@ -65,7 +65,7 @@ impl PickledArrays<'_> {
         let picked = picked.ok_or_else(|| place.refuse("it selects entries that its array has not"))?;
         let shape = self.pickle.value(state, "preferred_shape").and_then(|s| self.shape(s));
         let shape = shape.unwrap_or_else(|| vec![picked.len()]);
-        self.from_numbers(&picked, shape, place)
+        self.of_numbers(&picked, shape, place)
     }
 
     /// `numpy.core.multiarray._reconstruct`: version, shape, type, order, data.
@@ -78,17 +78,17 @@ impl PickledArrays<'_> {
         let element = self.element(*element).map_err(|e| place.refuse(e))?;
         let fortran_order = matches!(p.node(*order), Node::Bool(true) | Node::Int(1));
         if let Some(items) = p.items(*data) {
-            return self.from_objects(items, shape, place, depth);
+            return self.of_objects(items, shape, place, depth);
         }
         let bytes = p.bytes(*data).ok_or_else(broken)?.to_vec();
         Array::from_raw(place.clone(), element, fortran_order, shape, bytes, self.limits)
     }
 
     /// An array of objects counts where they are numbers, or where it is a box of one thing.
-    fn from_objects(&self, items: &[Id], shape: Vec<usize>, place: &Place, depth: usize) -> Result<Array> {
+    fn of_objects(&self, items: &[Id], shape: Vec<usize>, place: &Place, depth: usize) -> Result<Array> {
         let numbers: Option<Vec<f64>> = items.iter().map(|i| self.plain_number(*i)).collect();
         match (numbers, items) {
-            (Some(numbers), _) if shape.len() < 2 => self.from_numbers(&numbers, shape, place),
+            (Some(numbers), _) if shape.len() < 2 => self.of_numbers(&numbers, shape, place),
             (None, [only]) => self.unwrapped(*only, place, depth - 1),
             _ => Err(place.refuse("it holds Python objects, expected numbers; save it with a numeric type")),
         }
@@ -103,7 +103,7 @@ impl PickledArrays<'_> {
     }
 
     /// `numpy.core.numeric._frombuffer`: data, type, shape, order (protocol 5).
-    fn from_buffer(&self, arguments: Id, place: &Place) -> Result<Array> {
+    fn buffered(&self, arguments: Id, place: &Place) -> Result<Array> {
         let p = self.pickle;
         let broken = || place.refuse("it is an array without shape, type or data; get the file again");
         let Some([data, element, shape, order]) = p.items(arguments) else { return Err(broken()) };
@@ -155,7 +155,7 @@ impl PickledArrays<'_> {
         }
     }
 
-    fn from_numbers(&self, numbers: &[f64], shape: Vec<usize>, place: &Place) -> Result<Array> {
+    fn of_numbers(&self, numbers: &[f64], shape: Vec<usize>, place: &Place) -> Result<Array> {
         let element = ElementType { kind: crate::arrays::ElementKind::Float, size: 8, big_endian: false };
         let bytes = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
         Array::from_raw(place.clone(), element, false, shape, bytes, self.limits)
