@@ -54,7 +54,10 @@ fn npz_with_a_sparse_matrix_in_a_box_gives_the_same_body() {
     assert!(zipped.notes.iter().any(|n| n.contains("symmetry derived")), "{:?}", zipped.notes);
     assert_eq!(format!("{:?}", zipped.model), format!("{pickled:?}"));
     let regions = &pickled.regions.0;
-    assert!([Region::Head, Region::Belly, Region::Hands, Region::Feet].iter().all(|r| regions.contains(r)), "{regions:?}");
+    assert!(
+        [Region::Head, Region::Belly, Region::Hands, Region::Feet].iter().all(|r| regions.contains(r)),
+        "{regions:?}"
+    );
 }
 
 #[test]

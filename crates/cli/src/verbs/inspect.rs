@@ -21,7 +21,8 @@ const TELEPORT: f32 = 30.0;
 
 /// Runs the verb.
 pub fn run(args: &InspectArgs) -> Result<()> {
-    let facts = if is_motion_file(&args.path) && !foreign_scans::is_npz_of_vertices(&args.path) {
+    let of_points = foreign_scans::is_npz_of_vertices(&args.path) || body_facts::is_foreign(&args.path);
+    let facts = if is_motion_file(&args.path) && !of_points {
         inspect_motion::inspect(&args.path, args.picture.as_deref())?
     } else if args.picture.is_some() {
         return Err(UsageError("--picture draws foreign motions alone (.bvh, .amc, .npz)".into()).into());
