@@ -49,7 +49,7 @@ fn main() -> Result<(), Error> {
         ..SynthConfig::default()
     };
     let points: usize = argument("points", "10000").parse()?;
-    let home = PathBuf::from("target/registration").join(&config.fingerprint()[..16]);
+    let home = PathBuf::from("target/registration").join(&config.fingerprint()?[..16]);
     let bodies = Bodies::generate(&config)?;
     let registered = write_with(&config, &bodies, &home, &Silent)?;
     let (body, truth) = (&bodies.scanned().model, TruthSet::open(&truth_path(&home))?);
