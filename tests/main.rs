@@ -9,6 +9,7 @@ mod comparison;
 mod controls;
 mod dyna;
 mod evidence;
+mod exports;
 mod foreign_scans;
 mod main_job;
 mod motion;

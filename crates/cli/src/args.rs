@@ -170,7 +170,8 @@ pub struct AnimateArgs {
     /// Paint the gain: an OBJ file in the body's topology with vertex colours; white keeps, black stops the flesh.
     #[arg(long, value_name = "FILE")]
     pub paint: Option<PathBuf>,
-    /// What to write: `.glb` or `.gltf`, `.png` (a picture of some frames), or a folder for an OBJ sequence.
+    /// What to write: `.glb` or `.gltf`, `.usda`, a point cache `.pc2` or `.mdd` with its mesh as `.obj` beside it, `.png` (a
+    /// picture of some frames), or a folder for an OBJ sequence.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Frames of a generated motion.

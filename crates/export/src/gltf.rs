@@ -93,7 +93,7 @@ struct Scene {
 
 impl Scene {
     fn build(&mut self, animation: &Animation, morph: &MorphAnimation, config: &GltfConfig) {
-        let Animation { name, topology, fps, vertices, extras } = *animation;
+        let Animation { name, topology, fps, vertices, extras, .. } = *animation;
         let normals = config.normals.then(|| normals_of(vertices, &topology.faces));
         let indices = self.indices(&topology.faces);
         let (first, start) = (self.accessors.len(), self.data.len());

@@ -1,15 +1,19 @@
-//! Animated glTF and OBJ sequences out of posed vertices. Knows no burn and no network.
+//! Animated glTF, USD, point caches and OBJ sequences out of posed vertices. Knows no burn and no network.
 
 mod animation;
 mod error;
 mod gltf;
 mod morph;
 mod obj;
+mod point_cache;
+mod usd;
 
-pub use animation::Animation;
+pub use animation::{Animation, Uv};
 pub use error::ExportError;
 pub use gltf::{GltfConfig, GltfReport, write_gltf};
 pub use obj::write_obj_sequence;
+pub use point_cache::{PointCache, write_point_cache};
+pub use usd::write_usd;
 
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, ExportError>;

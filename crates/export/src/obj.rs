@@ -1,10 +1,11 @@
 use crate::{Animation, ExportError, Result};
+use glam::Vec3;
 use softtissue_monitor::Monitor;
 use softtissue_store::{StoreError, create_dir, write_atomic};
 use std::path::{Path, PathBuf};
 
 /// Writes a folder of one OBJ a frame, `frame_00000.obj` and so on: vertices in template order, metres, Y up, and the
-/// triangles. Returns the paths. A folder that holds frames past the last one is refused, so that no
+/// triangles, with texture coordinates where there are any. Returns the paths. A folder that holds frames past the last one is refused, so that no
 /// reader takes an older, longer sequence for this one.
 pub fn write_obj_sequence(dir: &Path, animation: &Animation, monitor: &dyn Monitor) -> Result<Vec<PathBuf>> {
     animation.check()?;
@@ -12,23 +13,47 @@ pub fn write_obj_sequence(dir: &Path, animation: &Animation, monitor: &dyn Monit
     let frames = animation.vertices.len();
     let paths: Vec<PathBuf> = (0..frames).map(|t| dir.join(format!("frame_{t:05}.obj"))).collect();
     refuse_other_frames(dir, &paths)?;
-    let faces: String =
-        animation.topology.faces.iter().map(|f| format!("f {} {} {}\n", f[0] + 1, f[1] + 1, f[2] + 1)).collect();
+    let faces = faces(animation);
     monitor.begin("OBJ sequence", frames as u64, "frames");
     for (path, frame) in paths.iter().zip(animation.vertices.iter()) {
         if monitor.should_stop() {
             return Err(ExportError::Stopped);
         }
-        write_atomic(path, |w| {
-            writeln!(w, "# {} at {} frames a second, metres, Y up", one_line(animation.name), animation.fps)?;
-            // The shortest decimals that read back as the same f32.
-            frame.iter().try_for_each(|p| writeln!(w, "v {} {} {}", p.x, p.y, p.z))?;
-            w.write_all(faces.as_bytes())
-        })?;
+        write_frame(path, animation, frame, &faces)?;
         monitor.advance(1, "");
     }
     monitor.end();
     Ok(paths)
+}
+
+/// The first frame as an OBJ file.
+pub(crate) fn write_first_frame(path: &Path, animation: &Animation) -> Result<()> {
+    write_frame(path, animation, animation.vertices.frame(0), &faces(animation))
+}
+
+fn write_frame(path: &Path, animation: &Animation, frame: &[Vec3], faces: &str) -> Result<()> {
+    Ok(write_atomic(path, |w| {
+        writeln!(w, "# {} at {} frames a second, metres, Y up", one_line(animation.name), animation.fps)?;
+        // The shortest decimals that read back as the same f32.
+        frame.iter().try_for_each(|p| writeln!(w, "v {} {} {}", p.x, p.y, p.z))?;
+        w.write_all(faces.as_bytes())
+    })?)
+}
+
+/// Texture coordinates and faces, the same in every frame.
+fn faces(animation: &Animation) -> String {
+    let faces = &animation.topology.faces;
+    let mut text = String::new();
+    let Some(uv) = &animation.uv else {
+        faces.iter().for_each(|f| text += &format!("f {} {} {}\n", f[0] + 1, f[1] + 1, f[2] + 1));
+        return text;
+    };
+    uv.coordinates.iter().for_each(|c| text += &format!("vt {} {}\n", c.x, c.y));
+    for (f, t) in faces.iter().zip(uv.faces) {
+        let [a, b, c] = [0, 1, 2].map(|i| format!("{}/{}", f[i] + 1, t[i] + 1));
+        text += &format!("f {a} {b} {c}\n");
+    }
+    text
 }
 
 fn refuse_other_frames(dir: &Path, paths: &[PathBuf]) -> Result<()> {

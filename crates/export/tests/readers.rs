@@ -1,9 +1,12 @@
-//! Other readers see what was written: the `gltf` crate and a plain OBJ parser.
+//! Other readers see what was written: the `gltf` crate, and plain parsers of OBJ, point caches and USD's text. What other
+//! programs make of the files, `scripts/validate-exports.sh` asks them.
 
-use glam::Vec3;
-use softtissue_export::{Animation, ExportError, GltfConfig, write_gltf, write_obj_sequence};
+use glam::{Vec2, Vec3};
+use softtissue_export::{
+    Animation, ExportError, GltfConfig, PointCache, Uv, write_gltf, write_obj_sequence, write_point_cache, write_usd,
+};
 use softtissue_geometry::{Frames, Topology};
-use softtissue_monitor::Silent;
+use softtissue_monitor::{Monitor, Silent};
 use std::path::Path;
 
 /// Rings and points a ring of the test's tube.
@@ -57,6 +60,19 @@ fn motion(frames: usize) -> Frames {
     out
 }
 
+/// Somebody who asked to stop.
+struct Stopped;
+
+impl Monitor for Stopped {
+    fn begin(&self, _: &str, _: u64, _: &'static str) {}
+    fn advance(&self, _: u64, _: &str) {}
+    fn end(&self) {}
+    fn say(&self, _: &str) {}
+    fn should_stop(&self) -> bool {
+        true
+    }
+}
+
 /// Vertices of every frame as another reader computes them from the file.
 fn read_back(path: &Path) -> (Frames, Vec<f32>) {
     let (document, buffers, _) = gltf::import(path).unwrap();
@@ -92,7 +108,7 @@ fn read_back(path: &Path) -> (Frames, Vec<f32>) {
 
 /// A motion at 60 frames a second.
 fn animation<'a>(topology: &'a Topology, vertices: &'a Frames) -> Animation<'a> {
-    Animation { name: "tube", topology, fps: 60.0, vertices, extras: &serde_json::Value::Null }
+    Animation { name: "tube", topology, uv: None, fps: 60.0, vertices, extras: &serde_json::Value::Null }
 }
 
 /// `v` and `f` lines of an OBJ.
@@ -134,6 +150,96 @@ fn gltf_and_obj_hold_the_same_motion_within_half_a_millimetre_on_every_frame() {
         }
         assert!(worst < 0.5e-3 && (worst - report.max_error_m).abs() < 5e-6, "{worst} {report:?}");
     }
+}
+
+#[test]
+fn point_caches_hold_every_frame_to_the_bit_and_bring_their_mesh() {
+    let (topology, vertices) = (tube(), motion(7));
+    let animation = animation(&topology, &vertices);
+    let dir = tempfile::tempdir().unwrap();
+    for (file, kind, header) in [("tube.pc2", PointCache::Pc2, 32), ("tube.MDD", PointCache::Mdd, 8 + 4 * 7)] {
+        let path = dir.path().join(file);
+        assert_eq!(PointCache::of(&path), Some(kind));
+        let mesh = write_point_cache(&path, kind, &animation, &Silent).unwrap();
+        assert_eq!(read_obj(&mesh), (vertices.frame(0).to_vec(), topology.faces.clone()));
+        let bytes = std::fs::read(&path).unwrap();
+        let (head, body) = bytes.split_at(header);
+        let word = |i: usize| <[u8; 4]>::try_from(&head[i..i + 4]).unwrap();
+        let read: fn([u8; 4]) -> f32 = match kind {
+            PointCache::Pc2 => {
+                assert_eq!(&head[..12], b"POINTCACHE2\0");
+                assert_eq!([12, 16, 28].map(|i| i32::from_le_bytes(word(i))), [1, (RINGS * AROUND + 2) as i32, 7]);
+                assert_eq!([20, 24].map(|i| f32::from_le_bytes(word(i))), [0.0, 1.0]);
+                f32::from_le_bytes
+            }
+            PointCache::Mdd => {
+                assert_eq!([0, 4].map(|i| i32::from_be_bytes(word(i))), [7, (RINGS * AROUND + 2) as i32]);
+                (0..7).for_each(|t| assert_eq!(f32::from_be_bytes(word(8 + 4 * t)), t as f32 / 60.0));
+                f32::from_be_bytes
+            }
+        };
+        let numbers: Vec<f32> = body.chunks(4).map(|b| read(b.try_into().unwrap())).collect();
+        assert_eq!(Frames::from_numbers(RINGS * AROUND + 2, &numbers), vertices);
+    }
+}
+
+#[test]
+fn a_usd_stage_has_a_sample_of_points_normals_and_extent_a_frame() {
+    let (topology, vertices) = (tube(), motion(3));
+    let coordinates = [Vec2::ZERO, Vec2::new(0.25, 1.0), Vec2::X];
+    let faces = vec![[0, 1, 2]; topology.faces.len()];
+    let uv = Some(Uv { coordinates: &coordinates, faces: &faces });
+    let extras = serde_json::json!({"by": "a \"quoted\" \\ name"});
+    let animation = Animation { uv, fps: 24.0, extras: &extras, ..animation(&topology, &vertices) };
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("tube.usda");
+    write_usd(&path, &animation, &Silent).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    for line in [
+        "#usda 1.0",
+        "    endTimeCode = 2",
+        "    timeCodesPerSecond = 24",
+        "    upAxis = \"Y\"",
+        "    metersPerUnit = 1",
+    ] {
+        assert!(text.lines().any(|l| l == line), "{line}");
+    }
+    assert!(text.contains(r#"string about = "{\"by\":\"a \\\"quoted\\\" \\\\ name\"}""#), "{text:.400}");
+    assert!(text.contains("primvars:st = [(0, 0), (0.25, 1), (1, 0)]"));
+    // samples of an attribute, numbers in the order of the text
+    let samples = |attribute: &str| -> Vec<Vec<f32>> {
+        let block = text.split(&format!("{attribute}.timeSamples = {{\n")).nth(1).unwrap().split('}').next().unwrap();
+        let numbers = |line: &str| {
+            let (_, list) = line.split_once(": ").unwrap();
+            list.split(|c: char| "[](), ".contains(c)).filter(|w| !w.is_empty()).map(|w| w.parse().unwrap()).collect()
+        };
+        block.lines().filter(|l| l.contains('[')).map(numbers).collect()
+    };
+    let (points, normals, extents) = (samples("points"), samples("normals"), samples("extent"));
+    assert_eq!([points.len(), normals.len(), extents.len()], [3; 3]);
+    for t in 0..3 {
+        assert_eq!(Frames::from_numbers(vertices.points_per_frame(), &points[t]).frame(0), vertices.frame(t));
+        assert!(normals[t].chunks(3).all(|n| (Vec3::from_slice(n).length() - 1.0).abs() < 1e-5));
+        let (low, high) = (Vec3::from_slice(&extents[t][..3]), Vec3::from_slice(&extents[t][3..]));
+        assert!(vertices.frame(t).iter().all(|p| p.cmpge(low).all() && p.cmple(high).all()));
+        assert!(low.to_array().iter().all(|x| points[t].contains(x)));
+    }
+}
+
+#[test]
+fn obj_files_carry_texture_coordinates() {
+    let (topology, vertices) = (tube(), motion(1));
+    let (coordinates, faces) = ([Vec2::ZERO, Vec2::X, Vec2::Y], vec![[2, 0, 1]; topology.faces.len()]);
+    let uv = Some(Uv { coordinates: &coordinates, faces: &faces });
+    let dir = tempfile::tempdir().unwrap();
+    let good = Animation { uv, ..animation(&topology, &vertices) };
+    let path = &write_obj_sequence(dir.path(), &good, &Silent).unwrap()[0];
+    let text = std::fs::read_to_string(path).unwrap();
+    let [a, b, c] = topology.faces[0].map(|i| i + 1);
+    assert!(text.contains("vt 1 0\n") && text.contains(&format!("f {a}/3 {b}/1 {c}/2\n")));
+    let few = Some(Uv { coordinates: &coordinates[..2], faces: &faces });
+    let refused = write_obj_sequence(dir.path(), &Animation { uv: few, ..good }, &Silent).unwrap_err().to_string();
+    assert!(refused.contains("texture coordinates"), "{refused}");
 }
 
 #[test]
@@ -229,6 +335,14 @@ fn bad_animations_and_targets_are_refused_and_nothing_is_written() {
     let message =
         write_gltf(&dir.path().join("a.fbx"), &good, &GltfConfig::default(), &Silent).unwrap_err().to_string();
     assert!(message.contains(".glb"), "{message}");
+    let message = write_usd(&path, &good, &Silent).unwrap_err().to_string();
+    assert!(message.contains(".usda"), "{message}");
+    let stop = Stopped;
+    for (file, kind) in [("a.pc2", PointCache::Pc2), ("a.mdd", PointCache::Mdd)] {
+        let path = dir.path().join(file);
+        assert!(matches!(write_point_cache(&path, kind, &good, &stop), Err(ExportError::Stopped)));
+    }
+    assert!(matches!(write_usd(&dir.path().join("a.usda"), &good, &stop), Err(ExportError::Stopped)));
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
     // A folder of a longer sequence.
     let obj = dir.path().join("obj");

@@ -4,6 +4,7 @@ use crate::args::AnimateArgs;
 use crate::exit::{InputError, UsageError};
 use crate::signals::Signals;
 use crate::terminal::Terminal;
+use crate::verbs::animation_format::Format;
 use crate::verbs::contact_sheet;
 use crate::verbs::controls::{controls, rest_mesh};
 use crate::verbs::foreign_motion::moved;
@@ -11,7 +12,6 @@ use anyhow::Result;
 use softtissue_body::BodyBuild;
 use softtissue_bundle::{Bundle, BundleError, Controls, Player};
 use softtissue_clips::MotionClip;
-use softtissue_export::{Animation, GltfConfig, write_gltf, write_obj_sequence};
 use softtissue_geometry::Frames;
 use softtissue_import::motion::{is_motion_file, resample};
 use softtissue_monitor::Monitor;
@@ -31,6 +31,8 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     if !(args.gain.is_finite() && args.gain.abs() <= LARGEST_GAIN) {
         return Err(UsageError(format!("--gain is {}; write a number between -100 and 100", args.gain)).into());
     }
+    let is_picture = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+    let format = if is_picture { None } else { Some(Format::of(&args.out)?) };
     let bundle = Bundle::read(&args.bundle)?;
     let mut beta = shape("--shape", args.shape.as_deref(), &bundle)?;
     if let Some(bmi) = args.bmi {
@@ -50,15 +52,15 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     player.show_on(shown).map_err(asked)?;
     let motion = motion(args, &bundle, &beta, &terminal)?;
     let frames = play(&mut player, &motion, &terminal)?;
-    if args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+    let Some(format) = format else {
         player.set_controls(&Controls::gain(0.0))?;
         let alone = play(&mut player, &motion, &terminal)?;
         contact_sheet::write(&args.out, &bundle.body.topology, &alone, &frames)?;
         crate::print_line(&args.out.display().to_string());
         return Ok(());
-    }
+    };
     let name = args.bundle.file_name().map_or_else(|| "softtissue".into(), |n| n.to_string_lossy().into_owned());
-    write(&args.out, &name, &bundle, &frames, motion.fps, &terminal)
+    format.write(&args.out, &name, &bundle, &frames, motion.fps, &terminal)
 }
 
 fn shape(option: &str, text: Option<&str>, bundle: &Bundle) -> Result<Vec<f32>> {
@@ -146,26 +148,4 @@ fn asked(error: BundleError) -> anyhow::Error {
         BundleError::Input(_) => UsageError(error.to_string()).into(),
         other => other.into(),
     }
-}
-
-/// Writes a `.glb`/`.gltf` file, or an OBJ sequence where `out` has no such ending.
-fn write(out: &Path, name: &str, bundle: &Bundle, frames: &Frames, fps: f32, monitor: &dyn Monitor) -> Result<()> {
-    let extras = serde_json::json!({"licence": bundle.info.licence, "provenance": bundle.info.provenance});
-    let animation = Animation { name, topology: &bundle.body.topology, fps, vertices: frames, extras: &extras };
-    let is_gltf = out.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"));
-    if is_gltf {
-        let report = write_gltf(out, &animation, &GltfConfig::default(), monitor)?;
-        crate::print_line(&format!(
-            "{}: {} frames, {} morph targets, at most {:.2} mm off, {:.1} MB",
-            out.display(),
-            frames.len(),
-            report.targets,
-            report.max_error_m * 1e3,
-            report.bytes as f64 / 1e6
-        ));
-    } else {
-        write_obj_sequence(out, &animation, monitor)?;
-        crate::print_line(&format!("{}: {} OBJ files", out.display(), frames.len()));
-    }
-    Ok(())
 }

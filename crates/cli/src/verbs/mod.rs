@@ -1,6 +1,7 @@
 //! One module a verb.
 
 pub mod animate;
+mod animation_format;
 mod body_facts;
 pub mod config;
 mod contact_sheet;

@@ -216,7 +216,8 @@ fn animate(job: &Prepared, learned: &Learned, folder: &RunFolder, monitor: &dyn 
     let frames = player.rollout_vertices(&motion.rotations, &motion.translations)?;
     let extras = json!({"clip": id.to_string(), "licence": learned.bundle.info.licence});
     let topology = &job.body.topology;
-    let animation = Animation { name: "softtissue", topology, fps: motion.fps, vertices: &frames, extras: &extras };
+    let animation =
+        Animation { name: "softtissue", topology, uv: None, fps: motion.fps, vertices: &frames, extras: &extras };
     write_gltf(&folder.root().join("animation.glb"), &animation, &GltfConfig::default(), monitor)?;
     Ok(())
 }
