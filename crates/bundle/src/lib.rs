@@ -40,7 +40,7 @@ pub use matrix::Matrix;
 pub use model::{Model, ModelState, RecurrentModel, RecurrentState};
 pub use network::{Gru, Linear, ResidualUnit, ThreeLayers};
 pub use player::{Player, RolloutReport, StepReport};
-pub use regressor::{Recurrent, Regressor, RegressorState};
+pub use regressor::{BodyRegressor, Recurrent, Regressor, RegressorState};
 pub use resonators::{Resonator, ResonatorBank};
 pub use subspace::{Decoder, DeltaBasis, Encoder, Subspace, SubspaceScratch};
 pub use times::{StepPart, StepTimes};

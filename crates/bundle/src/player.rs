@@ -238,6 +238,10 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         report
     }
 
+    /// The descriptor's features of the newest pose, `[D]`: what an exported network takes.
+    pub fn features(&self) -> &[f32] {
+        &self.features
+    }
     /// Deltas of the rest mesh, `[V]`, metres.
     pub fn deltas(&self) -> &[Vec3] {
         &self.deltas

@@ -45,15 +45,24 @@ pub struct Recurrent {
     pub readout: Linear,
 }
 
-/// What a [`Regressor`] remembers between frames of one body, and its working memory. The shape terms are folded
-/// into the shortcut once, so that a step costs the same with them as without.
+/// A [`Regressor`] of one body: the shape terms are folded into the shortcut once, so that a step costs the same with them
+/// as without.
+#[derive(Clone, Debug)]
+pub struct BodyRegressor {
+    /// `b [B]`.
+    pub shape: Vec<f32>,
+    /// `g`, in `shortcut` already, not in the readout of the recurrent network.
+    pub amplitude: f32,
+    /// With the body's frequencies.
+    pub bank: Option<ResonatorBank>,
+    /// `[A] -> [L]`.
+    pub shortcut: Linear,
+}
+
+/// What a [`Regressor`] remembers between frames of one body, and its working memory.
 #[derive(Clone, Debug)]
 pub struct RegressorState {
-    /// `g` of the body, in `shortcut` and `bias` already.
-    amplitude: f32,
-    bank: Option<ResonatorBank>,
-    shortcut: Matrix,
-    bias: Vec<f32>,
+    body: BodyRegressor,
     /// `[x, b]`.
     input: Vec<f32>,
     /// `a`: the bank's state, then `x` where the shortcut sees it.
@@ -107,37 +116,41 @@ impl Regressor {
         self.bank.as_ref().map(|bank| bank.scaled(self.mass.frequency(beta), 1.0))
     }
 
-    /// The state before the first frame, for one body.
-    pub fn start(&self, beta: &[f32]) -> RegressorState {
+    /// The regressor of one body.
+    pub fn of_body(&self, beta: &[f32]) -> BodyRegressor {
         let (a, l) = (self.memory_count(), self.latent_count());
         let b = self.scaled_shape(beta);
         let factors = self.shape_factors(&b);
-        let mut shortcut = Matrix::zeros(l, a);
+        let mut weight = Matrix::zeros(l, a);
         let mut bias = self.shortcut.bias.clone();
         for row in 0..l {
             let weights = self.shortcut.weight.row(row);
             let (terms, rest) = weights.split_at(factors.len() * a);
             for (factor, weights) in factors.iter().zip(terms.chunks_exact(a.max(1))) {
-                shortcut.row_mut(row).iter_mut().zip(weights).for_each(|(s, w)| *s += factor * w);
+                weight.row_mut(row).iter_mut().zip(weights).for_each(|(s, w)| *s += factor * w);
             }
             bias[row] += rest.iter().zip(&b).map(|(w, b)| w * b).sum::<f32>();
         }
         let amplitude = self.mass.amplitude(beta);
-        shortcut.data_mut().iter_mut().chain(&mut bias).for_each(|w| *w *= amplitude);
+        weight.data_mut().iter_mut().chain(&mut bias).for_each(|w| *w *= amplitude);
+        BodyRegressor { shape: b, amplitude, bank: self.bank_of(beta), shortcut: Linear { weight, bias } }
+    }
+
+    /// The state before the first frame, for one body.
+    pub fn start(&self, beta: &[f32]) -> RegressorState {
+        let body = self.of_body(beta);
         let width = self.recurrent.as_ref().map_or(0, |r| r.gru.width());
         let mut input = vec![0.0; self.feature_count()];
-        input.extend(b);
+        input.extend(&body.shape);
+        let l = self.latent_count();
         RegressorState {
-            amplitude,
-            bank: self.bank_of(beta),
-            shortcut,
-            bias,
             input,
-            memory: vec![0.0; a],
+            memory: vec![0.0; self.memory_count()],
             hidden: vec![0.0; width],
             scratch: vec![0.0; 6 * width],
             latent: vec![0.0; l],
             readout: vec![0.0; l],
+            body,
         }
     }
 
@@ -147,20 +160,19 @@ impl Regressor {
         let d = self.feature_count();
         self.input.apply(features, &mut state.input[..d]);
         let x = &state.input[..d];
-        let bank = state.bank.as_ref().map_or(0, ResonatorBank::outputs);
+        let bank = state.body.bank.as_ref().map_or(0, ResonatorBank::outputs);
         let (bank_state, direct) = state.memory.split_at_mut(bank);
-        if let Some(bank) = &state.bank {
+        if let Some(bank) = &state.body.bank {
             bank.step(x, bank_state);
         }
         if self.sees_features() {
             direct.copy_from_slice(x);
         }
-        state.shortcut.times(&state.memory, &mut state.latent);
-        state.latent.iter_mut().zip(&state.bias).for_each(|(z, b)| *z += b);
+        state.body.shortcut.apply(&state.memory, &mut state.latent);
         if let Some(Recurrent { gru, readout }) = &self.recurrent {
             gru.step(&state.input, &mut state.hidden, &mut state.scratch);
             readout.apply(&state.hidden, &mut state.readout);
-            state.latent.iter_mut().zip(&state.readout).for_each(|(z, r)| *z += state.amplitude * r);
+            state.latent.iter_mut().zip(&state.readout).for_each(|(z, r)| *z += state.body.amplitude * r);
         }
         self.input.outside(features)
     }

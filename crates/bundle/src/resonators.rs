@@ -41,6 +41,10 @@ impl ResonatorBank {
     pub fn resonators(&self) -> &[Resonator] {
         &self.resonators
     }
+    /// Real and imaginary part of each pole, `[P]`.
+    pub fn poles(&self) -> &[[f32; 2]] {
+        &self.poles
+    }
     /// The same bank with other frequencies and damping ratios, kept where every resonator is stable.
     pub fn scaled(&self, frequency: f32, damping: f32) -> Self {
         let (least, most) = DAMPING_RATIOS;

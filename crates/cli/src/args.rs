@@ -27,6 +27,8 @@ pub enum Verb {
     Eval(EvalArgs),
     /// Add soft tissue to a motion and write an animated glTF.
     Animate(AnimateArgs),
+    /// Write the network of a bundle for other programs.
+    Export(ExportArgs),
     /// Make 4D scans with known truth from code alone.
     Synth(SynthArgs),
     /// Fit shape and pose to scans and extract the soft-tissue deltas.
@@ -136,6 +138,34 @@ pub struct EvalArgs {
     pub quiet: bool,
 }
 
+/// Whose body, for the verbs that play a bundle.
+#[derive(Debug, Args)]
+pub struct ShapeArgs {
+    /// Shape coefficients separated by commas; default: the mean shape.
+    #[arg(long, value_name = "B0,B1,...", allow_hyphen_values = true)]
+    pub shape: Option<String>,
+    /// Make the body of --shape heavier or lighter at the same height (Dyna 2015, eq. 26): its body mass index.
+    #[arg(long, value_name = "KG/M2", allow_hyphen_values = true)]
+    pub bmi: Option<f32>,
+}
+
+/// `export`.
+#[derive(Debug, Args)]
+#[group(id = "written", required = true, multiple = true, args = ["onnx", "plain_onnx"])]
+pub struct ExportArgs {
+    /// The bundle folder.
+    pub bundle: PathBuf,
+    /// Whose body.
+    #[command(flatten)]
+    pub body: ShapeArgs,
+    /// Write the network of this body as ONNX: one frame of features in, deltas out.
+    #[arg(long, value_name = "FILE.onnx")]
+    pub onnx: Option<PathBuf>,
+    /// The same without ONNX's recurrent operator: matrix products, sigmoids and hyperbolic tangents in its place.
+    #[arg(long, value_name = "FILE.onnx")]
+    pub plain_onnx: Option<PathBuf>,
+}
+
 /// `animate`.
 #[derive(Debug, Args)]
 pub struct AnimateArgs {
@@ -148,12 +178,9 @@ pub struct AnimateArgs {
     /// What a foreign motion does not say.
     #[command(flatten)]
     pub foreign: MotionSourceArgs,
-    /// Shape coefficients separated by commas; default: the mean shape.
-    #[arg(long, value_name = "B0,B1,...", allow_hyphen_values = true)]
-    pub shape: Option<String>,
-    /// Make the body of --shape heavier or lighter at the same height (Dyna 2015, eq. 26): its body mass index.
-    #[arg(long, value_name = "KG/M2", allow_hyphen_values = true)]
-    pub bmi: Option<f32>,
+    /// Whose body.
+    #[command(flatten)]
+    pub body: ShapeArgs,
     /// Shape of the body whose flesh moves, shown on the body of --shape or --mesh; default: that of --shape.
     #[arg(long, value_name = "B0,B1,...", allow_hyphen_values = true)]
     pub flesh: Option<String>,

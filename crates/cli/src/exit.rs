@@ -143,7 +143,7 @@ fn of_export(error: &ExportError) -> Exit {
     match error {
         ExportError::Store(e) => of_store(e),
         ExportError::Target { .. } => Exit::Usage,
-        ExportError::Animation { .. } => Exit::BadInput,
+        ExportError::Animation { .. } | ExportError::Model { .. } => Exit::BadInput,
         ExportError::Stopped => Exit::Interrupted,
     }
 }

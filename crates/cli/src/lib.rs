@@ -44,6 +44,7 @@ fn run(verb: &Verb, signals: &Signals) -> anyhow::Result<()> {
         Verb::Train(args) => verbs::train::run(args, signals),
         Verb::Eval(args) => verbs::eval::run(args, signals),
         Verb::Animate(args) => verbs::animate::run(args, signals),
+        Verb::Export(args) => verbs::export::run(args),
         Verb::Synth(args) => verbs::synth::run(args, signals),
         Verb::Fit(args) => verbs::fit::run(args, signals),
         Verb::Import(args) => verbs::import::run(args, signals),

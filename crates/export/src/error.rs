@@ -21,6 +21,12 @@ pub enum ExportError {
         /// What is wrong and what to do.
         reason: String,
     },
+    /// A model that has no such form.
+    #[error("the model of method {method} has no ONNX form: softtissue and softsmpl have one")]
+    Model {
+        /// Its method.
+        method: String,
+    },
     /// The user asked to stop; nothing was left half-written.
     #[error("stopped before the export was done")]
     Stopped,

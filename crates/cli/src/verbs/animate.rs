@@ -5,11 +5,10 @@ use crate::exit::{InputError, UsageError};
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::animation_format::Format;
-use crate::verbs::contact_sheet;
 use crate::verbs::controls::{controls, rest_mesh};
 use crate::verbs::foreign_motion::moved;
+use crate::verbs::{body_shape, contact_sheet};
 use anyhow::Result;
-use softtissue_body::BodyBuild;
 use softtissue_bundle::{Bundle, BundleError, Controls, Player};
 use softtissue_clips::MotionClip;
 use softtissue_geometry::Frames;
@@ -20,8 +19,6 @@ use std::path::Path;
 
 /// What a motion is generated with where only its name is given.
 const GENERATOR_SEED: u64 = 1;
-/// Largest shape coefficient that is a body.
-const LARGEST_COEFFICIENT: f32 = 10.0;
 /// Largest gain that is not a slip of the finger.
 const LARGEST_GAIN: f32 = 100.0;
 
@@ -34,12 +31,9 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     let is_picture = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
     let format = if is_picture { None } else { Some(Format::of(&args.out)?) };
     let bundle = Bundle::read(&args.bundle)?;
-    let mut beta = shape("--shape", args.shape.as_deref(), &bundle)?;
-    if let Some(bmi) = args.bmi {
-        beta = of_weight(&beta, bmi, &bundle)?;
-    }
+    let beta = body_shape::of(&args.body, &bundle)?;
     let flesh = match &args.flesh {
-        Some(text) => shape("--flesh", Some(text), &bundle)?,
+        Some(text) => body_shape::parse("--flesh", text, &bundle)?,
         None => beta.clone(),
     };
     let shown = match &args.mesh {
@@ -61,32 +55,6 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     };
     let name = args.bundle.file_name().map_or_else(|| "softtissue".into(), |n| n.to_string_lossy().into_owned());
     format.write(&args.out, &name, &bundle, &frames, motion.fps, &terminal)
-}
-
-fn shape(option: &str, text: Option<&str>, bundle: &Bundle) -> Result<Vec<f32>> {
-    let Some(text) = text else { return Ok(vec![0.0; bundle.body.shape_count()]) };
-    let beta = text
-        .split(',')
-        .map(|b| b.trim().parse::<f32>().ok().filter(|b| b.is_finite() && b.abs() <= LARGEST_COEFFICIENT))
-        .collect::<Option<Vec<f32>>>()
-        .ok_or_else(|| {
-            UsageError(format!("{option} {text:?}: write numbers between -10 and 10, separated by commas"))
-        })?;
-    if beta.len() > bundle.body.shape_count() {
-        let (given, has) = (beta.len(), bundle.body.shape_count());
-        return Err(UsageError(format!("{option} has {given} numbers, but the body has {has}; leave some out")).into());
-    }
-    Ok(beta)
-}
-
-/// The shape of somebody of another body mass index and the same height.
-fn of_weight(beta: &[f32], bmi: f32, bundle: &Bundle) -> Result<Vec<f32>> {
-    let other = BodyBuild::fit(&bundle.body).at_bmi(beta, bmi).map_err(|e| UsageError(format!("--bmi {bmi}: {e}")))?;
-    if other.iter().any(|b| b.abs() > LARGEST_COEFFICIENT) {
-        let message = format!("--bmi {bmi}: the body has no such shape at this height; ask for less change");
-        return Err(UsageError(message).into());
-    }
-    Ok(other)
 }
 
 /// Whom a mixture of people does not reach, it cannot move.

@@ -3,10 +3,12 @@
 pub mod animate;
 mod animation_format;
 mod body_facts;
+mod body_shape;
 pub mod config;
 mod contact_sheet;
 mod controls;
 pub mod eval;
+pub mod export;
 pub mod fit;
 mod foreign_motion;
 pub mod import;
