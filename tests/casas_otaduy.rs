@@ -67,6 +67,8 @@ fn each_person_gets_networks_that_are_judged_and_move_a_body() {
     softtissue(&[&args[..], &["--out", &text(&glb)]].concat()).fine();
     assert!(glb.metadata().expect("an animation").len() > 1000);
     softtissue(&["inspect", &text(&out.join("bundle"))]).fine();
+    let network = text(&home.join("network.onnx"));
+    softtissue(&["export", &text(&out.join("bundle")), "--onnx", &network]).refused(3, &["casas-otaduy", "ONNX"]);
 }
 
 #[test]

@@ -50,3 +50,28 @@ fn a_format_that_is_not_written_is_refused_before_any_work() {
     animate(&home.join("a.fbx")).refused(2, &["a.fbx", ".usda"]);
     assert_eq!(std::fs::read_dir(&home).expect("a folder").count(), 0);
 }
+
+#[test]
+fn the_network_is_written_in_both_forms_for_the_body_that_was_asked_for() {
+    let home = folder("exports-onnx");
+    let bundle = text(&tiny_run().path.join("bundle"));
+    let (fused, plain, heavier) = (home.join("fused.onnx"), home.join("plain.onnx"), home.join("heavier.onnx"));
+    let export = |more: &[&str]| softtissue(&[&["export", &bundle], more].concat());
+    export(&["--onnx", &text(&fused), "--plain-onnx", &text(&plain)]).fine();
+    export(&["--shape=0,-2", "--onnx", &text(&heavier)]).fine();
+    let [fused, plain, heavier] = [fused, plain, heavier].map(|path| std::fs::read(path).expect("a network"));
+    // protobuf keeps names as they are
+    let has = |bytes: &[u8], word: &str| bytes.windows(word.len()).any(|w| w == word.as_bytes());
+    for network in [&fused, &plain, &heavier] {
+        assert!(
+            ["features", "deltas", "memory_out", "basis.directions", "frames_per_second"]
+                .iter()
+                .all(|w| has(network, w))
+        );
+    }
+    assert!(heavier.len().abs_diff(fused.len()) < 64 && heavier != fused);
+    let nothing = export(&[]);
+    assert!(nothing.code == 2 && nothing.err.contains("--onnx"), "{}", nothing.err);
+    export(&["--onnx", &text(&home.join("a.onnx")), "--shape", "0,99"]).refused(2, &["--shape"]);
+    assert!(!home.join("a.onnx").exists());
+}

@@ -11,6 +11,9 @@ mod controls;
 mod descriptor;
 mod feedback;
 mod format;
+#[path = "../../examples/play.rs"]
+#[expect(dead_code, reason = "its `main` is for the command line")]
+mod play;
 mod player;
 mod reference;
 mod refusals;

@@ -266,3 +266,17 @@ fn any_frame_rate_sees_nearly_the_same_motion() {
         assert!(ratio < most && !errors.is_empty(), "{fps} frames a second: {ratio}");
     }
 }
+
+#[test]
+fn the_example_plays_and_the_documentation_quotes_it() {
+    let dir = tempfile::tempdir().unwrap();
+    bundle(Parts::default()).write(dir.path()).unwrap();
+    let largest = crate::play::play(dir.path()).unwrap();
+    assert!(largest > 1e-6, "{largest}");
+    assert!(crate::play::play(&dir.path().join("nowhere")).unwrap_err().to_string().contains("nowhere"));
+    let home = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(home.join("../../docs/play.md")).unwrap();
+    let snippet = page.split_once("```rust\n").unwrap().1.split_once("```").unwrap().0;
+    let example = std::fs::read_to_string(home.join("examples/play.rs")).unwrap();
+    assert!(example.contains(snippet.trim_end()));
+}

@@ -1,0 +1,77 @@
+/* Soft tissue on skeletal animation: the player of a softtissue bundle.
+ *
+ * Metres, radians, seconds, Y up. A pose is one rotation a joint, axis times angle in the parent's frame, in the order of
+ * softtissue_joint_name, and the root's translation. Arrays belong to whoever made them; pointers that the library hands
+ * out live as long as the object they were asked of, and say what the newest frame says.
+ *
+ * A player belongs to one thread at a time; a bundle may be shared by players on several threads and may be closed while
+ * they live. No function keeps a pointer that it was given. softtissue_step allocates nothing.
+ */
+#ifndef SOFTTISSUE_H
+#define SOFTTISSUE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct softtissue_bundle softtissue_bundle;
+typedef struct softtissue_player softtissue_player;
+
+/* What a frame had to do so that its result is finite; bits of what softtissue_step returns. */
+enum {
+    SOFTTISSUE_POSE_HELD = 1,        /* the pose was unusable: the last good one stands in */
+    SOFTTISSUE_TELEPORTED = 2,       /* the root was set down elsewhere, which was not taken for motion */
+    SOFTTISSUE_FEATURES_CLIPPED = 4, /* the motion left what was seen in training; it is held at the limits */
+    SOFTTISSUE_RESTARTED = 8,        /* the motion started over */
+    SOFTTISSUE_TIME_IGNORED = 16,    /* the time step was no positive number */
+    SOFTTISSUE_WAITING = 32,         /* no result yet: the model looks ahead */
+    SOFTTISSUE_FAILED = 1 << 30      /* an argument was NULL; softtissue_error tells */
+};
+
+/* Opens a bundle folder, which is checked whole. NULL on failure. */
+softtissue_bundle *softtissue_bundle_open(const char *folder);
+void softtissue_bundle_close(softtissue_bundle *bundle);
+
+/* Vertices, joints and triangles of the bundle's body; its shape coefficients; frames a second of the training. */
+size_t softtissue_vertex_count(const softtissue_bundle *bundle);
+size_t softtissue_joint_count(const softtissue_bundle *bundle);
+size_t softtissue_face_count(const softtissue_bundle *bundle);
+size_t softtissue_shape_count(const softtissue_bundle *bundle);
+float softtissue_frames_per_second(const softtissue_bundle *bundle);
+/* Three vertices a triangle, counter-clockwise from outside. */
+const uint32_t *softtissue_faces(const softtissue_bundle *bundle);
+/* Copies the name of a joint, cut to size bytes with its final zero. Returns its whole length; 0 where there is no such
+ * joint. */
+size_t softtissue_joint_name(const softtissue_bundle *bundle, size_t joint, char *name, size_t size);
+/* Parent of a joint; -1 for the root and where there is no such joint. */
+int softtissue_joint_parent(const softtissue_bundle *bundle, size_t joint);
+
+/* A player of a body; missing shape coefficients count as zero. NULL on failure. */
+softtissue_player *softtissue_player_new(const softtissue_bundle *bundle, const float *shape, size_t shape_count);
+void softtissue_player_free(softtissue_player *player);
+/* Forgets the motion: the next pose is a first one. */
+void softtissue_reset(softtissue_player *player);
+/* Changes what was learned of a region ("belly", "breast", ...; "everywhere" for all) and starts over: factors of the
+ * displacement, of the time of the answer and of its damping, and a delay in seconds; 1, 1, 1, 0 changes nothing.
+ * Returns 0, or -1 on failure. */
+int softtissue_control(softtissue_player *player, const char *region, float gain, float softness, float damping,
+                       float lag);
+/* A frame, dt seconds after the last one; dt of 0 stands for one frame of the bundle's rate. rotations: 3 numbers a joint;
+ * translation: 3; vertices: room for 3 a vertex, or NULL. Returns bits of what had to be done. */
+uint32_t softtissue_step(softtissue_player *player, const float *rotations, const float *translation, float dt,
+                         float *vertices);
+/* Displacements of the rest mesh, 3 numbers a vertex. */
+const float *softtissue_deltas(const softtissue_player *player);
+/* What an exported ONNX network takes of the newest frame; *count says how many. */
+const float *softtissue_features(const softtissue_player *player, size_t *count);
+
+/* Why the last call on this thread failed, until the next one fails; never NULL. */
+const char *softtissue_error(void);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
