@@ -45,8 +45,12 @@ impl BodyModel {
 
     /// Reads and checks a body: finite numbers, indices inside, weights that sum to one, parents before children.
     pub fn read(path: &Path) -> Result<Self> {
-        let file = TensorFile::open(path)?;
-        let reader = Reader { file: &file, path };
+        Self::from_file(&TensorFile::open(path)?)
+    }
+
+    /// The same of a file that is open, in memory for example.
+    pub fn from_file(file: &TensorFile) -> Result<Self> {
+        let reader = Reader { file, path: file.path() };
         if file.require_meta("kind")? != "body" {
             return Err(reader.bad("it is no body"));
         }

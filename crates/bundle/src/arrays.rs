@@ -11,11 +11,10 @@ use softtissue_geometry::Frames;
 use softtissue_store::{Limits, TensorFile, TensorFileWriter};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::sync::Arc;
 
 /// Above any bundle (eight people of Casas and Otaduy at 6890 vertices: 2.2 GB), far below what hurts.
-const LIMITS: Limits = Limits { header_bytes: 1 << 20, file_bytes: 4 << 30, tensors: 1024 };
+pub(crate) const LIMITS: Limits = Limits { header_bytes: 1 << 20, file_bytes: 4 << 30, tensors: 1024 };
 
 /// Largest bank.
 const MOST_CHANNELS: usize = 1 << 12;
@@ -139,9 +138,8 @@ impl<'a> Writer<'a> {
 
 /// Reads all arrays: every one that the manifest asks for, finite, and none besides. Sizes are checked against each
 /// other by the bundle.
-pub(crate) fn read(path: &Path, form: &ModelForm, fps: f32) -> Result<Arrays> {
-    let file = TensorFile::open_limited(path, LIMITS)?;
-    let reader = Reader { file: &file, read: RefCell::default() };
+pub(crate) fn read(file: &TensorFile, form: &ModelForm, fps: f32) -> Result<Arrays> {
+    let reader = Reader { file, read: RefCell::default() };
     let model = match form {
         ModelForm::Recurrent(form) => Model::Recurrent(reader.recurrent(form, fps)?),
         ModelForm::Feedback(form) => Model::Feedback(reader.feedback(form)?),
@@ -149,9 +147,7 @@ pub(crate) fn read(path: &Path, form: &ModelForm, fps: f32) -> Result<Arrays> {
     };
     let arrays = Arrays { model, self_check: reader.self_check()? };
     match file.names().find(|name| !reader.read.borrow().contains(*name)) {
-        Some(name) => {
-            Err(BundleError::refused(path, format!("it holds an unknown array {name:?}; export the bundle again")))
-        }
+        Some(name) => Err(reader.refused(&format!("it holds an unknown array {name:?}; export the bundle again"))),
         None => Ok(arrays),
     }
 }

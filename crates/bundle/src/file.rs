@@ -2,7 +2,7 @@ use crate::descriptor::Descriptor;
 use crate::manifest::{FileEntry, Manifest};
 use crate::{Bundle, BundleError, Result, arrays};
 use softtissue_body::BodyModel;
-use softtissue_store::{StoreError, create_dir, sha256_file, write_json_atomic};
+use softtissue_store::{Limits, StoreError, TensorFile, create_dir, sha256_bytes, sha256_file, write_json_atomic};
 use std::path::Path;
 
 /// Name of the list of contents, written last: a folder without it is no bundle.
@@ -11,6 +11,17 @@ pub const MANIFEST_FILE: &str = "manifest.json";
 const MODEL_FILE: &str = "model.safetensors";
 /// Name of the body.
 const BODY_FILE: &str = "body.safetensors";
+
+/// The files of a bundle, whole.
+#[derive(Clone, Debug, Default)]
+pub struct BundleFiles {
+    /// `manifest.json`.
+    pub manifest: Vec<u8>,
+    /// `body.safetensors`.
+    pub body: Vec<u8>,
+    /// `model.safetensors`.
+    pub model: Vec<u8>,
+}
 
 impl Bundle {
     /// Writes the folder: model and body, then the manifest with a hash of both. An older bundle there loses its manifest
@@ -49,6 +60,28 @@ impl Bundle {
         let manifest = Manifest::read(&manifest_path)?;
         check_files(dir, &manifest_path, &manifest.files)?;
         let body = BodyModel::read(&dir.join(BODY_FILE))?;
+        let model = TensorFile::open_limited(&dir.join(MODEL_FILE), arrays::LIMITS)?;
+        Self::assembled(dir, manifest, body, &model)
+    }
+
+    /// The same of a bundle that lies in memory: a page's downloads, or a game's archive. Errors call its files by
+    /// their names in a folder.
+    pub fn from_memory(files: BundleFiles) -> Result<Self> {
+        let dir = Path::new("");
+        let manifest = Manifest::parse(Path::new(MANIFEST_FILE), &files.manifest)?;
+        check_list(Path::new(MANIFEST_FILE), &manifest.files)?;
+        for (entry, bytes) in manifest.files.iter().zip([&files.body, &files.model]) {
+            let path = Path::new(&entry.name);
+            check_length(path, bytes.len() as u64, entry)?;
+            check_hash(path, sha256_bytes(bytes), entry)?;
+        }
+        let body = TensorFile::from_bytes(Path::new(BODY_FILE), files.body, Limits::default())?;
+        let model = TensorFile::from_bytes(Path::new(MODEL_FILE), files.model, arrays::LIMITS)?;
+        Self::assembled(dir, manifest, BodyModel::from_file(&body)?, &model)
+    }
+
+    fn assembled(dir: &Path, manifest: Manifest, body: BodyModel, model: &TensorFile) -> Result<Self> {
+        let manifest_path = dir.join(MANIFEST_FILE);
         let topology = body.topology.hash();
         if topology != manifest.topology {
             return Err(BundleError::Topology { path: manifest_path, found: manifest.topology, expected: topology });
@@ -59,10 +92,10 @@ impl Bundle {
                 "its joints are not those of its body, in order; export the bundle again",
             ));
         }
-        let model_path = dir.join(MODEL_FILE);
-        let arrays::Arrays { model, self_check } = arrays::read(&model_path, &manifest.model, manifest.fps)?;
-        let bundle = Self { info: manifest.info, body, descriptor: manifest.descriptor, model, self_check };
-        bundle.check().map_err(|reason| BundleError::refused(&model_path, reason))?;
+        let model_path = model.path();
+        let arrays::Arrays { model: learned, self_check } = arrays::read(model, &manifest.model, manifest.fps)?;
+        let bundle = Self { info: manifest.info, body, descriptor: manifest.descriptor, model: learned, self_check };
+        bundle.check().map_err(|reason| BundleError::refused(model_path, reason))?;
         bundle.run_self_check(dir)?;
         Ok(bundle)
     }
@@ -105,8 +138,8 @@ impl Bundle {
     }
 }
 
-/// The list names the two files, each once, and they are what it says: plain files inside the folder, of that length and hash.
-fn check_files(dir: &Path, manifest_path: &Path, files: &[FileEntry]) -> Result<()> {
+/// The list names the two files, each once.
+fn check_list(manifest_path: &Path, files: &[FileEntry]) -> Result<()> {
     let names: Vec<&str> = files.iter().map(|f| f.name.as_str()).collect();
     if let Some(name) = names.iter().find(|name| ![BODY_FILE, MODEL_FILE].contains(name)) {
         return Err(BundleError::refused(
@@ -120,24 +153,42 @@ fn check_files(dir: &Path, manifest_path: &Path, files: &[FileEntry]) -> Result<
             format!("it lists {names:?}, expected {BODY_FILE} and {MODEL_FILE}; export the bundle again"),
         ));
     }
+    Ok(())
+}
+
+/// The files are what the list says: plain files inside the folder, of that length and hash.
+fn check_files(dir: &Path, manifest_path: &Path, files: &[FileEntry]) -> Result<()> {
+    check_list(manifest_path, files)?;
     let inside = |path: &Path| std::fs::canonicalize(path).map_err(|e| StoreError::io("read", path, e));
     let root = inside(dir)?;
-    for FileEntry { name, bytes, sha256 } in files {
-        let path = dir.join(name);
-        if inside(&path)? != root.join(name) {
+    for entry in files {
+        let path = dir.join(&entry.name);
+        if inside(&path)? != root.join(&entry.name) {
             return Err(BundleError::refused(&path, "it leads out of the bundle's folder; copy the file itself"));
         }
         // A pipe or device would be waited for without end.
         let found = std::fs::metadata(&path).map_err(|e| StoreError::io("read", &path, e))?;
-        if !found.is_file() || found.len() != *bytes {
-            let reason =
-                format!("it has {} bytes, the manifest says {bytes}; copy or export the bundle again", found.len());
-            return Err(BundleError::refused(&path, reason));
+        if !found.is_file() {
+            return Err(BundleError::refused(&path, "it is no file; copy or export the bundle again"));
         }
-        let hash = sha256_file(&path)?;
-        if hash != *sha256 {
-            return Err(BundleError::Hash { path, found: hash, expected: sha256.clone() });
-        }
+        check_length(&path, found.len(), entry)?;
+        check_hash(&path, sha256_file(&path)?, entry)?;
     }
     Ok(())
+}
+
+fn check_length(path: &Path, found: u64, entry: &FileEntry) -> Result<()> {
+    if found == entry.bytes {
+        return Ok(());
+    }
+    let says = entry.bytes;
+    let reason = format!("it has {found} bytes, the manifest says {says}; copy or export the bundle again");
+    Err(BundleError::refused(path, reason))
+}
+
+fn check_hash(path: &Path, found: String, entry: &FileEntry) -> Result<()> {
+    if found == entry.sha256 {
+        return Ok(());
+    }
+    Err(BundleError::Hash { path: path.to_owned(), found, expected: entry.sha256.clone() })
 }

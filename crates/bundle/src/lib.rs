@@ -32,7 +32,7 @@ pub use bundle::{Bundle, BundleInfo, SelfCheck};
 pub use controls::{Control, Controls};
 pub use error::BundleError;
 pub use feedback::{FeedbackModel, FeedbackPerson, FeedbackState};
-pub use file::MANIFEST_FILE;
+pub use file::{BundleFiles, MANIFEST_FILE};
 pub use limits::Limits;
 pub use manifest::FORMAT_VERSION;
 pub use mass::MassLaw;

@@ -199,9 +199,13 @@ impl Manifest {
 
     /// Reads a manifest: format and version first, then the rest strictly.
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let bytes = read_limited(path, MANIFEST_BYTES)?;
+        Self::parse(path, &read_limited(path, MANIFEST_BYTES)?)
+    }
+
+    /// A manifest's text; errors call it `path`.
+    pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
         let broken = |e: serde_json::Error| StoreError::corrupt(path, format!("{e}; export the bundle again"));
-        let head: Head = serde_json::from_slice(&bytes).map_err(broken)?;
+        let head: Head = serde_json::from_slice(bytes).map_err(broken)?;
         if head.format != FORMAT {
             return Err(BundleError::refused(
                 path,
@@ -215,7 +219,7 @@ impl Manifest {
             let reason = format!("it has version {}, this program reads {FORMAT_VERSION}; train again", head.version);
             return Err(BundleError::refused(path, reason));
         }
-        let manifest: Self = serde_json::from_slice(&bytes).map_err(broken)?;
+        let manifest: Self = serde_json::from_slice(bytes).map_err(broken)?;
         manifest.check(path)?;
         Ok(manifest)
     }

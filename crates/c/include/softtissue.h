@@ -33,6 +33,9 @@ enum {
 
 /* Opens a bundle folder, which is checked whole. NULL on failure. */
 softtissue_bundle *softtissue_bundle_open(const char *folder);
+/* The same of a bundle's three files in memory, which are copied: out of a game's archive, say. */
+softtissue_bundle *softtissue_bundle_from_memory(const uint8_t *manifest, size_t manifest_size, const uint8_t *body,
+                                                 size_t body_size, const uint8_t *model, size_t model_size);
 void softtissue_bundle_close(softtissue_bundle *bundle);
 
 /* Vertices, joints and triangles of the bundle's body; its shape coefficients; frames a second of the training. */

@@ -4,9 +4,12 @@
 //! header states, and lets no panic out.
 #![expect(unsafe_code, reason = "a C interface is made of pointers; tests/program.rs runs it from C")]
 
+#[cfg(target_family = "wasm")]
+mod page;
+
 use glam::Vec3;
 use softtissue_body::{Pose, Region};
-use softtissue_bundle::{Bundle, BundleError, Control, Controls, Player, StepReport};
+use softtissue_bundle::{Bundle, BundleError, BundleFiles, Control, Controls, Player, StepReport};
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -67,8 +70,8 @@ unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a str, String
 }
 
 /// # Safety
-/// A pointer that is not null points to `count` numbers.
-unsafe fn numbers<'a>(pointer: *const f32, count: usize, name: &str) -> Result<&'a [f32], String> {
+/// A pointer that is not null points to `count` values.
+unsafe fn array<'a, T>(pointer: *const T, count: usize, name: &str) -> Result<&'a [T], String> {
     match (pointer.is_null(), count) {
         (_, 0) => Ok(&[]),
         (true, _) => Err(format!("{name} is NULL")),
@@ -98,7 +101,34 @@ pub unsafe extern "C" fn softtissue_bundle_open(folder: *const c_char) -> *mut S
 /// See the header.
 ///
 /// # Safety
-/// `bundle` is NULL or of `softtissue_bundle_open`, and is not used again.
+/// Each file is NULL or has as many bytes as the number after it says.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtissue_bundle_from_memory(
+    manifest: *const u8,
+    manifest_size: usize,
+    body: *const u8,
+    body_size: usize,
+    model: *const u8,
+    model_size: usize,
+) -> *mut SharedBundle {
+    call(std::ptr::null_mut(), || {
+        // SAFETY: the caller's.
+        let files = unsafe {
+            BundleFiles {
+                manifest: array(manifest, manifest_size, "manifest")?.to_vec(),
+                body: array(body, body_size, "body")?.to_vec(),
+                model: array(model, model_size, "model")?.to_vec(),
+            }
+        };
+        let bundle = Bundle::from_memory(files).map_err(said)?;
+        Ok(Box::into_raw(Box::new(SharedBundle(Arc::new(bundle)))))
+    })
+}
+
+/// See the header.
+///
+/// # Safety
+/// `bundle` is NULL or of `softtissue_bundle_open` or `softtissue_bundle_from_memory`, and is not used again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtissue_bundle_close(bundle: *mut SharedBundle) {
     if !bundle.is_null() {
@@ -204,7 +234,7 @@ pub unsafe extern "C" fn softtissue_player_new(
 ) -> *mut OwnPlayer {
     call(std::ptr::null_mut(), || {
         // SAFETY: the caller's.
-        let (bundle, shape) = unsafe { (object(bundle, "bundle")?, numbers(shape, shape_count, "shape")?) };
+        let (bundle, shape) = unsafe { (object(bundle, "bundle")?, array(shape, shape_count, "shape")?) };
         let player = Player::new(Arc::clone(&bundle.0), shape).map_err(said)?;
         let rotations = vec![Vec3::ZERO; bundle.0.body.joint_count()];
         Ok(Box::into_raw(Box::new(OwnPlayer { player, controls: Controls::default(), rotations })))
@@ -286,7 +316,7 @@ pub unsafe extern "C" fn softtissue_step(
         let OwnPlayer { player, rotations: pose, .. } = unsafe { own(player, "player") }?;
         // SAFETY: the caller's; the lengths are the header's.
         let (turned, root) =
-            unsafe { (numbers(rotations, 3 * pose.len(), "rotations")?, numbers(translation, 3, "translation")?) };
+            unsafe { (array(rotations, 3 * pose.len(), "rotations")?, array(translation, 3, "translation")?) };
         bytemuck::cast_slice_mut(pose).copy_from_slice(turned);
         let pose = Pose { rotations: pose, translation: Vec3::from_slice(root) };
         let report = if dt == 0.0 { player.step(pose) } else { player.advance(pose, dt) };

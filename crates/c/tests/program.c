@@ -15,6 +15,20 @@
         }                                                                                                              \
     } while (0)
 
+/* A file of a folder. */
+static uint8_t *whole(const char *folder, const char *name, size_t *size) {
+    char path[4096];
+    CHECK(snprintf(path, sizeof path, "%s/%s", folder, name) < (int)sizeof path);
+    FILE *file = fopen(path, "rb");
+    CHECK(file && fseek(file, 0, SEEK_END) == 0);
+    *size = (size_t)ftell(file);
+    rewind(file);
+    uint8_t *bytes = malloc(*size);
+    CHECK(bytes && fread(bytes, 1, *size, file) == *size);
+    fclose(file);
+    return bytes;
+}
+
 int main(int argc, char **argv) {
     CHECK(argc == 4);
 
@@ -26,8 +40,21 @@ int main(int argc, char **argv) {
     softtissue_bundle_close(NULL);
     softtissue_player_free(NULL);
 
-    softtissue_bundle *bundle = softtissue_bundle_open(argv[1]);
-    CHECK(bundle);
+    softtissue_bundle *opened = softtissue_bundle_open(argv[1]);
+    CHECK(opened);
+    size_t sizes[3];
+    uint8_t *manifest = whole(argv[1], "manifest.json", &sizes[0]), *body = whole(argv[1], "body.safetensors", &sizes[1]),
+            *model = whole(argv[1], "model.safetensors", &sizes[2]);
+    softtissue_bundle *bundle = softtissue_bundle_from_memory(manifest, sizes[0], body, sizes[1], model, sizes[2]);
+    CHECK(bundle && softtissue_vertex_count(bundle) == softtissue_vertex_count(opened));
+    softtissue_bundle_close(opened);
+    body[sizes[1] - 1] ^= 1;
+    CHECK(softtissue_bundle_from_memory(manifest, sizes[0], body, sizes[1], model, sizes[2]) == NULL);
+    CHECK(strstr(softtissue_error(), "body.safetensors"));
+    CHECK(softtissue_bundle_from_memory(manifest, sizes[0], NULL, 1, NULL, 0) == NULL);
+    free(manifest);
+    free(body);
+    free(model);
     size_t vertices = softtissue_vertex_count(bundle), joints = softtissue_joint_count(bundle);
     CHECK(vertices > 0 && joints > 0 && softtissue_shape_count(bundle) > 0);
     CHECK(softtissue_frames_per_second(bundle) > 0);

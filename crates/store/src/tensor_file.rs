@@ -149,6 +149,8 @@ impl<'a> TensorFileWriter<'a> {
 #[derive(Debug)]
 pub struct TensorFile {
     path: PathBuf,
+    /// The file's bytes, where it lies in memory and not on disk.
+    held: Option<Vec<u8>>,
     data_start: u64,
     meta: BTreeMap<String, String>,
     entries: BTreeMap<String, Entry>,
@@ -163,9 +165,21 @@ impl TensorFile {
     /// Opens and checks the header against the file's real length.
     pub fn open_limited(path: &Path, limits: Limits) -> Result<Self> {
         let io = |e| StoreError::io("read", path, e);
-        let bad = |reason: String| StoreError::corrupt(path, reason);
         let mut file = File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
+        Self::with_header(path, &mut file, length, limits)
+    }
+
+    /// A file that lies in memory; errors call it `name`.
+    pub fn from_bytes(name: &Path, bytes: Vec<u8>, limits: Limits) -> Result<Self> {
+        let mut file = Self::with_header(name, &mut bytes.as_slice(), bytes.len() as u64, limits)?;
+        file.held = Some(bytes);
+        Ok(file)
+    }
+
+    fn with_header(path: &Path, file: &mut impl Read, length: u64, limits: Limits) -> Result<Self> {
+        let io = |e| StoreError::io("read", path, e);
+        let bad = |reason: String| StoreError::corrupt(path, reason);
         if length > limits.file_bytes {
             return Err(StoreError::Limit {
                 path: path.to_owned(),
@@ -194,7 +208,8 @@ impl TensorFile {
             });
         }
         check_layout(&header.entries, length - 8 - header_bytes).map_err(bad)?;
-        Ok(Self { path: path.to_owned(), data_start: 8 + header_bytes, meta: header.meta, entries: header.entries })
+        let Header { meta, entries } = header;
+        Ok(Self { path: path.to_owned(), held: None, data_start: 8 + header_bytes, meta, entries })
     }
 
     /// Where the file lies.
@@ -268,6 +283,10 @@ impl TensorFile {
             }
             let stride = if count == 0 { 0 } else { (end - start) / count as u64 };
             (start, end) = (start + rows.start as u64 * stride, start + rows.end as u64 * stride);
+        }
+        if let Some(held) = &self.held {
+            // The layout was checked against the length.
+            return Ok(held[(self.data_start + start) as usize..(self.data_start + end) as usize].to_vec());
         }
         let io = |e| StoreError::io("read", &self.path, e);
         let mut file = File::open(&self.path).map_err(io)?;

@@ -293,3 +293,29 @@ fn no_bundle_at_all() {
         refuse(dir.path(), MANIFEST_FILE);
     }
 }
+
+#[test]
+fn a_bundle_in_memory_is_checked_like_one_on_disk() {
+    let dir = tempfile::tempdir().unwrap();
+    let bundle = bundle(Parts::default());
+    bundle.write(dir.path()).unwrap();
+    let file = |name: &str| std::fs::read(dir.path().join(name)).unwrap();
+    let files = BundleFiles {
+        manifest: file("manifest.json"),
+        body: file("body.safetensors"),
+        model: file("model.safetensors"),
+    };
+    let read = Bundle::from_memory(files.clone()).unwrap();
+    assert!(read.model == bundle.model && read.info == bundle.info && read.self_check == bundle.self_check);
+    let refused = |change: &dyn Fn(&mut BundleFiles), says: &str| {
+        let mut files = files.clone();
+        change(&mut files);
+        let message = Bundle::from_memory(files).unwrap_err().to_string();
+        assert!(message.contains(says), "{says:?} is missing in: {message}");
+    };
+    refused(&|f| *f.model.last_mut().unwrap() ^= 1, "model.safetensors");
+    refused(&|f| f.body.truncate(1000), "body.safetensors is not usable: it has 1000 bytes");
+    refused(&|f| f.body.clear(), "body.safetensors");
+    refused(&|f| f.manifest.truncate(100), "manifest.json");
+    refused(&|f| std::mem::swap(&mut f.body, &mut f.model), "body.safetensors");
+}
