@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use softtissue_body::{Pose, Region};
 use softtissue_bundle as core;
 use softtissue_geometry::Frames;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -138,6 +139,21 @@ impl Player {
         };
         self.report = names(&report);
         points(py, self.player.vertices())
+    }
+
+    /// The same as `step` without dt, and where its time went: milliseconds by part ("skinning", "descriptor", "encoder",
+    /// "regressor", "decoder", "feedback"; those that the model has) and "whole". Vertices are computed, not copied out.
+    fn timed_step<'py>(
+        &mut self,
+        rotations: PyReadonlyArray2<'py, f32>,
+        translation: PyReadonlyArray1<'py, f32>,
+    ) -> PyResult<BTreeMap<&'static str, f64>> {
+        let rotations = vectors(rotations.as_array().shape(), rotations.as_array().iter())?;
+        let translation = vectors(&[1, translation.as_array().len()], translation.as_array().iter())?[0];
+        let (report, times) = self.player.timed_step(Pose { rotations: &rotations, translation });
+        self.report = names(&report);
+        let parts = core::StepPart::ALL.into_iter().filter_map(|part| Some((part.name(), times.part(part)?)));
+        Ok(parts.chain([("whole", times.whole)]).map(|(name, time)| (name, 1e3 * time.as_secs_f64())).collect())
     }
 
     /// Deltas [T, V, 3] in metres of a whole motion from its start: rotations [T, J, 3] and translations [T, 3].
