@@ -58,13 +58,14 @@ train() {
     touch "$run/finished"
     echo "trained $name"
 }
-# keep NAME MEASURES COMMAND...: what a command prints in OUT/NAME.txt and the measures that it writes in OUT/NAME.json.
+# keep NAME MEASURES COMMAND...: what a command prints in OUT/NAME.txt, and in OUT/NAME.json the measures that it writes but
+# for those of each clip, which stay in the run's folder.
 keep() {
     local name=$1 measures=$2 text=$out/$1.txt
     shift 2
     if $only_check || [ -e "$text" ]; then return; fi
     "$@" --quiet > "$text.part"
-    cp "$measures" "$out/$name.json"
+    awk '/^  "clips": \[/ { skip = 1 } !skip; /^  \],?$/ { skip = 0 }' "$measures" > "$out/$name.json"
     mv "$text.part" "$text"
     printf '\n== %s\n' "$name"
     cat "$text"
