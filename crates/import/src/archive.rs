@@ -1,4 +1,5 @@
 use crate::arrays::ArrayLimits;
+use crate::place::excerpt;
 use crate::{ImportError, Place, Result};
 use flate2::read::DeflateDecoder;
 use rawzip::{CompressionMethod, ZipArchive, ZipArchiveEntryWayfinder, ZipSliceArchive};
@@ -9,6 +10,8 @@ use std::path::{Path, PathBuf};
 
 /// Members up to this size may inflate at any ratio: zeros compress a thousandfold.
 const FREE_RATIO_BYTES: u64 = 16 << 20;
+/// Bytes of a member's name at most, as file systems have it.
+const NAME_BYTES: usize = 255;
 
 /// A zip archive (an npz file, a Python wheel), read whole into memory and inflated a member at a time.
 ///
@@ -99,7 +102,7 @@ impl Archive {
         let entry = self.zip.get_entry(member.at).map_err(|e| broken(&e))?;
         let stored = entry.data();
         // One byte more than stated shows a member that states too little.
-        let mut bytes = Vec::new();
+        let mut bytes = Vec::with_capacity(member.size as usize + 1);
         let outcome = match member.method {
             CompressionMethod::STORE => entry.verifying_reader(stored).take(member.size + 1).read_to_end(&mut bytes),
             CompressionMethod::DEFLATE => {
@@ -120,8 +123,11 @@ fn member_name(raw: &[u8]) -> std::result::Result<String, String> {
     let Ok(name) = std::str::from_utf8(raw) else {
         return Err("it holds a member whose name is not UTF-8; write the file again".into());
     };
+    if name.len() > NAME_BYTES || name.contains(char::is_control) {
+        return Err(format!("the name of its member {:?} is no file's; write the file again", excerpt(name)));
+    }
     let steps_out = name.split(['/', '\\']).any(|part| part == "..");
-    if name.starts_with(['/', '\\']) || name.contains(['\0', ':']) || steps_out {
+    if name.starts_with(['/', '\\']) || name.contains(':') || steps_out {
         return Err(format!("the name of its member {name:?} leads out of the archive; the file is not trusted"));
     }
     Ok(name.to_owned())

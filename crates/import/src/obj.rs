@@ -110,9 +110,9 @@ impl Lines<'_> {
             }
         }
         self.frame.positions.push(Vec3::from_array(xyz));
-        let colors: Vec<f32> = words.map_while(|w| std::str::from_utf8(w).ok()?.parse().ok()).collect();
+        let colors: Vec<f32> = words.take(3).map_while(|w| std::str::from_utf8(w).ok()?.parse().ok()).collect();
         // One more number is a weight (`v x y z w`), not a colour.
-        if let [r, g, b, ..] = colors[..] {
+        if let [r, g, b] = colors[..] {
             self.frame.colors.push(Vec3::new(r, g, b));
         }
         Ok(())

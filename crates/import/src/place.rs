@@ -10,6 +10,11 @@ pub struct Place {
     pub part: String,
 }
 
+/// At most 40 characters of a word, none of them a control character, for messages.
+pub(crate) fn excerpt(word: &str) -> String {
+    word.chars().take(40).map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
 impl Place {
     /// A whole file.
     pub fn file(path: &Path) -> Self {

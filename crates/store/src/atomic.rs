@@ -43,15 +43,31 @@ pub fn write_json_atomic<T: Serialize>(path: &Path, value: &T) -> Result<()> {
     })
 }
 
-/// Reads a whole file of at most `limit` bytes.
+/// Reads a whole file of at most `limit` bytes. A pipe or device is refused, which would be waited for without end.
 pub fn read_limited(path: &Path, limit: u64) -> Result<Vec<u8>> {
-    let file = File::open(path).map_err(|e| StoreError::io("read", path, e))?;
+    let io = |e| StoreError::io("read", path, e);
+    let too_large = || StoreError::Limit { path: path.to_owned(), reason: format!("more than {limit} bytes") };
+    let length = regular(path)?;
+    if length > limit {
+        return Err(too_large());
+    }
     let mut bytes = Vec::new();
-    file.take(limit + 1).read_to_end(&mut bytes).map_err(|e| StoreError::io("read", path, e))?;
+    bytes.try_reserve_exact(length as usize).map_err(|_| too_large())?;
+    File::open(path).map_err(io)?.take(limit + 1).read_to_end(&mut bytes).map_err(io)?;
     if bytes.len() as u64 > limit {
-        return Err(StoreError::Limit { path: path.to_owned(), reason: format!("more than {limit} bytes") });
+        return Err(too_large());
     }
     Ok(bytes)
+}
+
+/// Bytes of a regular file; anything else is refused before it is opened.
+pub fn regular(path: &Path) -> Result<u64> {
+    let meta = std::fs::metadata(path).map_err(|e| StoreError::io("read", path, e))?;
+    if meta.is_file() {
+        return Ok(meta.len());
+    }
+    let what = if meta.is_dir() { "a folder" } else { "a pipe or device" };
+    Err(StoreError::corrupt(path, format!("it is {what}, expected a file; check the path")))
 }
 
 /// Reads JSON of at most 64 MiB.

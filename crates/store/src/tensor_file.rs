@@ -1,3 +1,4 @@
+use crate::atomic::regular;
 use crate::{Result, StoreError, write_atomic};
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -165,8 +166,8 @@ impl TensorFile {
     /// Opens and checks the header against the file's real length.
     pub fn open_limited(path: &Path, limits: Limits) -> Result<Self> {
         let io = |e| StoreError::io("read", path, e);
+        let length = regular(path)?;
         let mut file = File::open(path).map_err(io)?;
-        let length = file.metadata().map_err(io)?.len();
         Self::with_header(path, &mut file, length, limits)
     }
 

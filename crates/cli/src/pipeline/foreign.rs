@@ -10,7 +10,7 @@ use softtissue_monitor::Monitor;
 use std::path::Path;
 
 /// Brings a file or folder of foreign scans into a set at `out`. Raw scans are registered, and so are others where
-/// `register` asks for it.
+/// `register` asks for it. Where that fails, a folder that was not there before is not there afterwards.
 pub fn bring_in(
     source: &Path,
     import: &ScanImportConfig,
@@ -24,6 +24,24 @@ pub fn bring_in(
         let (out, source) = (out.display(), source.display());
         return Err(UsageError(format!("--out {out} lies in {source}, the scans that come in; choose another")).into());
     }
+    let fresh = !out.exists();
+    let outcome = take_in(source, import, register, body, registration, out, monitor);
+    if outcome.is_err() && fresh {
+        // what a refusal or a stop leaves cannot be gone on with
+        let _ = std::fs::remove_dir_all(out);
+    }
+    outcome
+}
+
+fn take_in(
+    source: &Path,
+    import: &ScanImportConfig,
+    register: bool,
+    body: &BodyModel,
+    registration: &RegistrationConfig,
+    out: &Path,
+    monitor: &dyn Monitor,
+) -> Result<ScanSet> {
     let scans = ScanSource::open(source, import)?;
     if !register && !scans.is_raw(body.vertex_count())? {
         return Ok(import_scans(&scans, &body.topology, out, monitor)?);

@@ -128,7 +128,7 @@ fn content(set: &ScanSet) -> Result<String> {
 }
 
 /// Raised whenever the same files and settings would be brought in otherwise, so that kept scans are not mistaken.
-const IMPORT: u32 = 2;
+const IMPORT: u32 = 3;
 
 /// Folders this deep are read: SUBJECT/MOTION.
 const DEPTH: usize = 3;

@@ -12,6 +12,8 @@ pub struct Array {
     bytes: Vec<u8>,
     /// Where in `bytes` the data begin.
     data: usize,
+    /// Bytes that the elements may take once they are converted.
+    limit: u64,
 }
 
 impl Array {
@@ -22,7 +24,7 @@ impl Array {
     pub fn from_npy(place: Place, bytes: Vec<u8>, limits: &ArrayLimits) -> Result<Self> {
         let Header { element, fortran_order, shape, data } =
             Header::parse(&bytes, limits).map_err(|reason| place.refuse(reason))?;
-        let array = Self { place, element, fortran_order, shape, bytes, data };
+        let array = Self { place, element, fortran_order, shape, bytes, data, limit: limits.array_bytes };
         // The pickle of an object array says by itself where it ends.
         if element.kind != ElementKind::Object {
             array.check_length()?;
@@ -44,7 +46,8 @@ impl Array {
     ) -> Result<Self> {
         let header = Header { element, fortran_order, shape, data: 0 };
         header.check(limits).map_err(|reason| place.refuse(reason))?;
-        let array = Self { place, element, fortran_order, shape: header.shape, bytes, data: 0 };
+        let (shape, limit) = (header.shape, limits.array_bytes);
+        let array = Self { place, element, fortran_order, shape, bytes, data: 0, limit };
         array.check_length()?;
         Ok(array)
     }
@@ -119,7 +122,7 @@ impl Array {
     pub fn integers(&self) -> Result<Vec<i64>> {
         self.numeric()?;
         let convert = |bytes: &[u8]| self.element.integer(bytes);
-        self.elements(convert).map_err(|at| self.refuse(format!("entry {} is no whole number", self.index(at))))
+        self.elements(convert, "is no whole number")
     }
 
     /// The only number there is.
@@ -127,10 +130,11 @@ impl Array {
     /// # Errors
     /// No number, several, or one that is not finite.
     pub fn number(&self) -> Result<f64> {
-        match self.f64s()?[..] {
-            [x] => Ok(x),
-            _ => Err(self.refuse(format!("its shape is {:?}, expected a single number", self.shape))),
+        let not_one = || self.refuse(format!("its shape is {:?}, expected a single number", self.shape));
+        if self.element.is_numeric() && self.len() != 1 {
+            return Err(not_one());
         }
+        self.f64s()?.pop().ok_or_else(not_one)
     }
 
     /// Texts, without the zeros that pad them; byte strings must be UTF-8.
@@ -142,7 +146,7 @@ impl Array {
             return Err(self.refuse("it holds no text"));
         }
         let convert = |bytes: &[u8]| self.element.text(bytes);
-        self.elements(convert).map_err(|at| self.refuse(format!("entry {} is no valid text", self.index(at))))
+        self.elements(convert, "is no valid text")
     }
 
     /// The only text there is.
@@ -150,11 +154,11 @@ impl Array {
     /// # Errors
     /// No text, or several.
     pub fn text(&self) -> Result<String> {
-        let mut texts = self.texts()?;
-        match (texts.pop(), texts.is_empty()) {
-            (Some(text), true) => Ok(text),
-            _ => Err(self.refuse(format!("its shape is {:?}, expected a single text", self.shape))),
+        let not_one = || self.refuse(format!("its shape is {:?}, expected a single text", self.shape));
+        if self.element.is_text() && self.len() != 1 {
+            return Err(not_one());
         }
+        self.texts()?.pop().ok_or_else(not_one)
     }
 
     /// The pickle of an object array.
@@ -175,23 +179,27 @@ impl Array {
     fn finite<T: Copy>(&self, convert: impl Fn(f64) -> T, is_finite: impl Fn(T) -> bool) -> Result<Vec<T>> {
         self.numeric()?;
         let checked = |bytes: &[u8]| Some(convert(self.element.number(bytes))).filter(|x| is_finite(*x));
-        self.elements(checked).map_err(|at| {
-            self.refuse(format!("entry {} is not finite (or not in range); mend or drop it", self.index(at)))
-        })
+        self.elements(checked, "is not finite (or not in range); mend or drop it")
     }
 
-    /// Every element converted, or the place in C order of the first that cannot be.
-    fn elements<T>(&self, convert: impl Fn(&[u8]) -> Option<T>) -> std::result::Result<Vec<T>, usize> {
+    /// Every element converted; `fault` says what one is that cannot be.
+    fn elements<T>(&self, convert: impl Fn(&[u8]) -> Option<T>, fault: &str) -> Result<Vec<T>> {
         let (count, size) = (self.len(), self.element.size);
         if count == 0 {
             return Ok(Vec::new());
+        }
+        // Numbers of one byte become eight times as large, texts of none are still texts.
+        if (count as u64).saturating_mul(size_of::<T>() as u64) > self.limit {
+            let limit = self.limit;
+            return Err(self.refuse(format!("its shape {:?} asks for more than {limit} bytes in memory", self.shape)));
         }
         let data = &self.bytes[self.data..];
         let mut out = Vec::with_capacity(count);
         let mut walk = Walk::new(&self.shape, self.fortran_order);
         for at in 0..count {
             let from = walk.offset * size;
-            out.push(convert(&data[from..from + size]).ok_or(at)?);
+            let element = convert(&data[from..from + size]);
+            out.push(element.ok_or_else(|| self.refuse(format!("entry {} {fault}", self.index(at))))?);
             walk.step();
         }
         Ok(out)

@@ -1,4 +1,5 @@
 use super::{ArrayLimits, ElementType};
+use crate::place::excerpt;
 
 /// What the head of an npy file says.
 #[derive(Debug, PartialEq, Eq)]
@@ -40,8 +41,9 @@ impl Header {
         if self.shape.len() > limits.dimensions {
             return Err(format!("{} dimensions, more than {}", self.shape.len(), limits.dimensions));
         }
-        // Elements are counted too, since a text of no characters takes no bytes.
-        let count = self.shape.iter().try_fold(1u64, |n, d| n.checked_mul(*d as u64));
+        // Elements are counted too, since a text of no characters takes no bytes; and sizes beside one of zero, since
+        // rows without an entry are still rows.
+        let count = self.shape.iter().try_fold(1u64, |n, d| n.checked_mul(*d.max(&1) as u64));
         let bytes = count.and_then(|n| n.checked_mul(self.element.size.max(1) as u64));
         match bytes {
             Some(bytes) if bytes <= limits.array_bytes => Ok(()),
@@ -67,7 +69,7 @@ impl<'a> Literal<'a> {
                 "descr" => {
                     let text = self.quoted().ok_or_else(|| bad("describes records, which are not read"))?;
                     let parsed = ElementType::parse(text)
-                        .ok_or_else(|| format!("its elements are of type {text:?}, which is not read"))?;
+                        .ok_or_else(|| format!("its elements are of type {:?}, which is not read", excerpt(text)))?;
                     element.replace(parsed).is_some()
                 }
                 "fortran_order" => {
@@ -77,7 +79,7 @@ impl<'a> Literal<'a> {
                 "shape" => {
                     shape.replace(self.shape().ok_or_else(|| bad("has a shape that is no tuple of sizes"))?).is_some()
                 }
-                _ => return Err(bad(&format!("holds the unknown key {:?}", &key[..key.len().min(40)]))),
+                _ => return Err(bad(&format!("holds the unknown key {:?}", excerpt(key)))),
             };
             if twice {
                 return Err(bad(&format!("states {key} twice")));
@@ -170,6 +172,9 @@ mod tests {
             (format!("{{'descr': '<f8', 'descr': '<f8', {whole}}}"), "twice"),
             (format!("{{'descr': '<f8', {whole}"), "does not end"),
             (format!("{{'descr': '<f8', {whole}, 'x': 1}}"), "unknown key"),
+            // Neither letters of two bytes nor their number are a fault of their own.
+            (format!("{{'x{}': 1}}", "\u{e9}".repeat(100)), "unknown key"),
+            ("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000000000, 0)}".into(), "asks for"),
             ("{'shape': (3,)}".into(), "lacks"),
         ] {
             let message = Header::parse(&npy(&head), &limits).unwrap_err();

@@ -1,4 +1,5 @@
 use super::{Array, ArrayLimits};
+use crate::place::excerpt;
 use crate::{Archive, Place, Result};
 use softtissue_store::read_limited;
 use std::path::Path;
@@ -49,7 +50,7 @@ impl Npz {
     pub fn require(&self, name: &str) -> Result<Array> {
         let place = Place::part(self.archive.path(), format!("array {name}"));
         if !self.contains(name) {
-            let names: Vec<&str> = self.names().take(40).collect();
+            let names: Vec<String> = self.names().take(40).map(excerpt).collect();
             return Err(place.refuse(format!("it is missing; the file holds {}", names.join(", "))));
         }
         Array::from_npy(place, self.archive.read(&format!("{name}.npy"))?, &self.limits)

@@ -7,6 +7,8 @@ use std::collections::HashMap;
 
 /// Partners farther apart than this are none, metres.
 const REACH: f32 = 0.02;
+/// Pairs that are looked at, at most: SMPL has three million, a heap of points at one place any number.
+const COMPARISONS: usize = 200_000_000;
 
 /// The symmetry that a file states.
 ///
@@ -32,12 +34,18 @@ pub fn by_geometry(template: &[Vec3]) -> std::result::Result<(Vec<u32>, f32), St
     for (v, p) in template.iter().enumerate() {
         grid.entry(cell(*p)).or_default().push(v as u32);
     }
-    let mut pairs: Vec<(f32, u32, u32)> = Vec::new();
+    let (mut pairs, mut compared) = (Vec::<(f32, u32, u32)>::new(), 0);
     for v in 0..template.len() as u32 {
         let [x, y, z] = cell(image(v));
-        let around = (-1..=1).flat_map(|i| (-1..=1).flat_map(move |j| (-1..=1).map(move |k| [x + i, y + j, z + k])));
-        let mut near: Vec<(f32, u32)> = around
-            .filter_map(|c| grid.get(&c))
+        let beside = |at: i32| (-1..=1).map(move |step| at.saturating_add(step));
+        let around = beside(x).flat_map(|x| beside(y).flat_map(move |y| beside(z).map(move |z| [x, y, z])));
+        let cells: Vec<&Vec<u32>> = around.filter_map(|c| grid.get(&c)).collect();
+        compared += cells.iter().map(|c| c.len()).sum::<usize>();
+        if compared > COMPARISONS {
+            return Err(format!("its vertices crowd near vertex {v}, as no body's do; check its units"));
+        }
+        let mut near: Vec<(f32, u32)> = cells
+            .into_iter()
             .flatten()
             .map(|&w| (image(v).distance(template[w as usize]), w))
             .filter(|(d, _)| *d <= REACH)
@@ -79,6 +87,9 @@ mod tests {
         let (pairs, worst) = by_geometry(&points).unwrap();
         assert_eq!(pairs, [2, 3, 0, 1, 4]);
         assert!((worst - 0.002).abs() < 1e-6, "{worst}");
+        // farther out than the grid has numbers
+        assert_eq!(by_geometry(&[Vec3::new(1e9, 0.0, 1e9), Vec3::new(-1e9, 0.0, 1e9)]).unwrap().0, [1, 0]);
+        assert!(by_geometry(&[Vec3::ONE; 30_000]).unwrap_err().contains("crowd"));
         points.push(Vec3::new(0.5, 0.0, 0.0));
         assert!(by_geometry(&points).unwrap_err().contains("vertex 5 has no partner"));
     }

@@ -1,6 +1,7 @@
 //! Lines, words and numbers of text formats.
 
 use crate::ImportError;
+pub(super) use crate::place::excerpt;
 use std::path::Path;
 
 /// Numbers beyond this are no coordinate and no angle in any unit.
@@ -65,9 +66,4 @@ pub(super) fn number(word: &str) -> Result<f64, String> {
     }
     let what = if x.is_finite() { "beyond any body or angle" } else { "not finite" };
     Err(format!("the number {} is {what}; mend or cut the clip", excerpt(word)))
-}
-
-/// At most 40 characters of a word, for messages.
-pub(super) fn excerpt(word: &str) -> String {
-    word.chars().take(40).collect()
 }

@@ -1,5 +1,6 @@
 use super::{Id, Node, Pickle};
 use crate::arrays::{Array, ArrayLimits, ElementType};
+use crate::place::excerpt;
 use crate::{Place, Result};
 
 /// Wrappers of wrappers that are followed to an array: chumpy nests a few.
@@ -33,6 +34,7 @@ impl PickledArrays<'_> {
         let Some((module, name, arguments, state)) = p.object(id) else {
             return Err(place.refuse("it is no array; is the file a body model?"));
         };
+        let class = || format!("{}.{}", excerpt(module), excerpt(name));
         if depth == 0 {
             return Err(place.refuse(format!("it is wrapped more than {WRAPPERS} times")));
         }
@@ -41,25 +43,26 @@ impl PickledArrays<'_> {
                 "_reconstruct" => self.reconstructed(state, place, depth),
                 "_frombuffer" => self.buffered(arguments, place),
                 "scalar" => self.scalar(arguments, place),
-                _ => Err(place.refuse(format!("it is a {module}.{name}, expected an array"))),
+                _ => Err(place.refuse(format!("it is a {}, expected an array", class()))),
             };
         }
         let Some(state) = state else {
-            return Err(place.refuse(format!("it is a {module}.{name} without a state, expected an array")));
+            return Err(place.refuse(format!("it is a {} without a state, expected an array", class())));
         };
         if let Some(inner) = p.value(state, "x") {
             return self.unwrapped(inner, place, depth - 1);
         }
         match (p.value(state, "a"), p.value(state, "idxs")) {
             (Some(inner), Some(chosen)) => self.selected(state, inner, chosen, place, depth),
-            _ => Err(place.refuse(format!("it is a {module}.{name}, expected an array"))),
+            _ => Err(place.refuse(format!("it is a {}, expected an array", class()))),
         }
     }
 
     /// chumpy's `Select`: some entries of an array, in another shape.
     fn selected(&self, state: Id, inner: Id, chosen: Id, place: &Place, depth: usize) -> Result<Array> {
         let source = self.unwrapped(inner, place, depth - 1)?.f64s()?;
-        let chosen = self.unwrapped(chosen, place, depth - 1)?.integers()?;
+        // A plain array: two ways down at every level would double the work with each.
+        let chosen = self.unwrapped(chosen, place, 1)?.integers()?;
         let picked = chosen.iter().map(|i| usize::try_from(*i).ok().and_then(|i| source.get(i)).copied());
         let picked: Option<Vec<f64>> = picked.collect();
         let picked = picked.ok_or_else(|| place.refuse("it selects entries that its array has not"))?;
@@ -132,7 +135,7 @@ impl PickledArrays<'_> {
         let order = state.and_then(|s| p.text(*p.items(s)?.get(1)?)).unwrap_or("<");
         let order = if order == ">" { ">" } else { "<" };
         ElementType::parse(&format!("{order}{text}"))
-            .ok_or_else(|| format!("its elements are of type {:?}, which is not read", text.get(..40).unwrap_or(text)))
+            .ok_or_else(|| format!("its elements are of type {:?}, which is not read", excerpt(text)))
     }
 
     fn shape(&self, id: Id) -> Option<Vec<usize>> {

@@ -9,6 +9,8 @@ pub struct Machine<'a> {
     at: usize,
     limits: PickleLimits,
     decoded: usize,
+    /// Entries that were added to lists and dictionaries.
+    entries: usize,
     nodes: Vec<Node>,
     stack: Vec<Id>,
     marks: Vec<usize>,
@@ -20,7 +22,7 @@ type Step<T> = Result<T, String>;
 impl<'a> Machine<'a> {
     pub fn new(bytes: &'a [u8], limits: PickleLimits) -> Self {
         let (nodes, stack, marks, memo) = (Vec::new(), Vec::new(), Vec::new(), HashMap::new());
-        Self { bytes, at: 0, limits, decoded: 0, nodes, stack, marks, memo }
+        Self { bytes, at: 0, limits, decoded: 0, entries: 0, nodes, stack, marks, memo }
     }
 
     pub fn into_nodes(self) -> Vec<Node> {
@@ -35,7 +37,7 @@ impl<'a> Machine<'a> {
             if let Some(root) = done {
                 return Ok(root);
             }
-            let held = [self.nodes.len(), self.stack.len(), self.memo.len(), self.marks.len()];
+            let held = [self.nodes.len(), self.stack.len(), self.memo.len(), self.marks.len(), self.entries];
             if held.iter().any(|n| *n > self.limits.nodes) {
                 return Err(format!("it makes more than {} objects", self.limits.nodes));
             }
@@ -245,6 +247,7 @@ impl<'a> Machine<'a> {
             APPEND | APPENDS | ADDITEMS => {
                 let items = if opcode == APPEND { vec![self.pop()?] } else { self.pop_mark()? };
                 let list = self.top()?;
+                self.entries += items.len();
                 // Objects that grow by appending (queues, sets) are of no use here.
                 if let Node::List(list) = &mut self.nodes[list as usize] {
                     list.extend(items);
@@ -258,6 +261,7 @@ impl<'a> Machine<'a> {
                     vec![self.pop()?, value]
                 };
                 let (items, dictionary) = (pairs(&items)?, self.top()?);
+                self.entries += items.len();
                 if let Node::Dict(pairs) = &mut self.nodes[dictionary as usize] {
                     pairs.extend(items);
                 }
@@ -396,6 +400,7 @@ mod tests {
             (b"u.", "not opened"),
             (b"}(Nu.", "without a value"),
             (b"Pname\n.", "0x50"),
+            (&[&b"]q\0N"[..], &b"0h\0h\0a".repeat(150_000)].concat(), "more than 100000 objects"),
         ] {
             let message = read(bytes).unwrap_err();
             assert!(message.contains(says), "{message}");

@@ -132,13 +132,21 @@ impl<'a> Pickle<'a> {
     pub fn value(&self, dictionary: Id, key: &str) -> Option<Id> {
         let Node::Dict(pairs) = self.node(dictionary) else { return None };
         // Of a key that stands twice Python keeps the last.
-        pairs.iter().rev().find(|(k, _)| self.text(*k) == Some(key)).map(|(_, v)| *v)
+        pairs.iter().rev().find(|(k, _)| self.is_text(*k, key)).map(|(_, v)| *v)
     }
 
-    /// Texts among the keys of a dictionary.
+    /// By length first: a long key may stand in a dictionary a million times.
+    fn is_text(&self, id: Id, expected: &str) -> bool {
+        match self.node(id) {
+            Node::Text(text) => text == expected,
+            _ => self.bytes(id) == Some(expected.as_bytes()),
+        }
+    }
+
+    /// Texts among the first 40 keys of a dictionary.
     pub fn keys(&self, dictionary: Id) -> Vec<&str> {
         let Node::Dict(pairs) = self.node(dictionary) else { return Vec::new() };
-        pairs.iter().filter_map(|(k, _)| self.text(*k)).collect()
+        pairs.iter().take(40).filter_map(|(k, _)| self.text(*k)).collect()
     }
 
     /// A small non-negative integer.

@@ -1,5 +1,10 @@
 use super::{Id, PickledArrays};
+use crate::arrays::Array;
+use crate::place::excerpt;
 use crate::{Place, Result};
+
+/// Rows of a matrix at most: there is one a joint.
+const ROWS: usize = 4096;
 
 /// A sparse matrix by rows: `(column, value)`, columns ascending.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,12 +16,19 @@ pub struct SparseRows {
 }
 
 impl SparseRows {
-    /// Of a dense matrix, C order; zeros are dropped.
-    pub fn dense(values: &[f64], rows: usize, columns: usize) -> Self {
+    /// Of a dense matrix; zeros are dropped.
+    ///
+    /// # Errors
+    /// An array of another number of dimensions, of too many rows or no columns, or with an entry that is no number.
+    pub fn dense(array: &Array) -> Result<Self> {
+        array.expect_shape(&[None, None])?;
+        let (rows, columns) = (array.shape()[0], array.shape()[1]);
+        if rows > ROWS || columns == 0 {
+            return Err(array.refuse(format!("{rows} x {columns}, expected at most {ROWS} rows and a column or more")));
+        }
         let nonzero =
             |row: &[f64]| row.iter().enumerate().filter(|(_, x)| **x != 0.0).map(|(c, x)| (c as u32, *x)).collect();
-        let rows = if columns == 0 { vec![vec![]; rows] } else { values.chunks_exact(columns).map(nonzero).collect() };
-        Self { columns, rows }
+        Ok(Self { columns, rows: array.f64s()?.chunks_exact(columns).map(nonzero).collect() })
     }
 
     /// SciPy's `csc_matrix`, `csr_matrix` and `coo_matrix` of whatever age. `None` where `id` is no such object.
@@ -36,7 +48,7 @@ impl SparseRows {
         let Some([rows, columns]) = shape.and_then(|s: Vec<usize>| <[usize; 2]>::try_from(s).ok()) else {
             return Err(broken("has no shape"));
         };
-        if rows > 4096 || columns > arrays.limits.array_bytes as usize / 8 {
+        if rows > ROWS || columns > arrays.limits.array_bytes as usize / 8 {
             return Err(broken(&format!("of {rows} x {columns} is too large")));
         }
         let part = |key: &str| match p.value(state, key) {
@@ -71,7 +83,7 @@ impl SparseRows {
                 }
                 row.iter().zip(&column).zip(&values).map(|((r, c), x)| (*r, *c, *x)).collect()
             }
-            other => return Err(broken(&format!("is a {other}, which is not read"))),
+            other => return Err(broken(&format!("is a {}, which is not read", excerpt(other)))),
         };
         let mut out = vec![Vec::new(); rows];
         for (row, column, x) in entries {

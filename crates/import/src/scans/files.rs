@@ -93,11 +93,11 @@ impl FrameFiles {
                 return Err(bad(format!("frames are missing between {before} and {after}: {remedy}")));
             }
         }
-        let total = (numbered[numbered.len() - 1].0 - numbered[0].0) / step + 1;
-        if total > limits.frames as u64 {
-            return Err(bad(format!("its numbers span {total} frames, more than {}", limits.frames)));
+        let last = (numbered[numbered.len() - 1].0 - numbered[0].0) / step;
+        if last >= limits.frames as u64 {
+            return Err(bad(format!("its numbers span {last} frames and one, more than {}", limits.frames)));
         }
-        let mut slots = vec![None; total as usize];
+        let mut slots = vec![None; last as usize + 1];
         let start = numbered[0].0;
         for (number, _, _, path) in numbered {
             slots[((number - start) / step) as usize] = Some(path);

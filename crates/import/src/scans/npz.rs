@@ -1,4 +1,5 @@
 use crate::arrays::{Array, ArrayLimits, Npz};
+use crate::place::excerpt;
 use crate::{ImportError, ImportLimits, Place, Result};
 use softtissue_geometry::Frames;
 use std::path::{Path, PathBuf};
@@ -33,7 +34,7 @@ impl NpzClip {
 
     fn vertices_name(&self, npz: &Npz) -> Result<&'static str> {
         VERTICES.into_iter().find(|name| npz.contains(name)).ok_or_else(|| {
-            let names: Vec<&str> = npz.names().take(20).collect();
+            let names: Vec<String> = npz.names().take(20).map(excerpt).collect();
             ImportError::file(&self.path, format!("it holds no array `vertices`, but {}", names.join(", ")))
         })
     }
@@ -47,23 +48,26 @@ impl NpzClip {
         if frames < 2 {
             return Err(array.refuse(format!("{frames} frames have no velocity; a clip needs at least two")));
         }
-        if frames > limits.frames || vertices == 0 || vertices > limits.vertices {
-            let most = (limits.frames, limits.vertices);
+        let points = frames.saturating_mul(vertices);
+        if frames > limits.frames || vertices == 0 || vertices > limits.vertices || points > limits.clip_points {
             return Err(array.refuse(format!(
-                "{frames} frames of {vertices} vertices, at most {} of 1 to {} are read",
-                most.0, most.1
+                "{frames} frames of {vertices} vertices, at most {} of 1 to {}, {} points in all, are read; split it",
+                limits.frames, limits.vertices, limits.clip_points
             )));
         }
         Ok(Frames::from_numbers(vertices, &array.f32s()?))
     }
 
     /// `faces`, where the file has them.
-    pub fn faces(&self) -> Result<Option<Vec<[u32; 3]>>> {
+    pub fn faces(&self, limits: &ImportLimits) -> Result<Option<Vec<[u32; 3]>>> {
         let npz = self.archive()?;
         let Some(array) = ["faces", "f"].into_iter().find_map(|name| npz.get(name).transpose()).transpose()? else {
             return Ok(None);
         };
         array.expect_shape(&[None, Some(3)])?;
+        if array.shape()[0] > limits.faces {
+            return Err(array.refuse(format!("{} faces are more than {}", array.shape()[0], limits.faces)));
+        }
         let index = |i: &i64| u32::try_from(*i).map_err(|_| array.refuse(format!("its index {i} is out of range")));
         let indices: Vec<u32> = array.integers()?.iter().map(index).collect::<Result<_>>()?;
         Ok(Some(indices.as_chunks::<3>().0.to_vec()))

@@ -1,4 +1,5 @@
 use super::FrameMesh;
+use crate::place::excerpt;
 use crate::{ImportError, ImportLimits, Result};
 use glam::Vec3;
 use softtissue_store::read_limited;
@@ -70,7 +71,7 @@ impl Scalar {
             "uint" | "uint32" => Self::U32,
             "float" | "float32" => Self::F32,
             "double" | "float64" => Self::F64,
-            other => return Err(format!("its header names the type {other:?}, which PLY does not have")),
+            other => return Err(format!("its header names the type {:?}, which PLY does not have", excerpt(other))),
         })
     }
 
@@ -143,22 +144,31 @@ impl Header {
                         "ascii" => Encoding::Ascii,
                         "binary_little_endian" => Encoding::Little,
                         "binary_big_endian" => Encoding::Big,
-                        _ => return Err(format!("its format {name:?} is none of PLY 1.0")),
+                        _ => return Err(format!("its format {:?} is none of PLY 1.0", excerpt(name))),
                     });
                 }
                 ["element", name, count] if elements.len() < HEADER_PARTS => {
-                    let count = count.parse().map_err(|_| format!("its element {name} has the count {count:?}"))?;
+                    let count = count
+                        .parse()
+                        .map_err(|_| format!("its element {:?} has the count {:?}", excerpt(name), excerpt(count)))?;
+                    if elements.iter().any(|e| e.name == name) {
+                        return Err(format!(
+                            "its header has the element {:?} twice; export the file again",
+                            excerpt(name)
+                        ));
+                    }
                     elements.push(Element { name: name.to_owned(), count, properties: vec![] });
                 }
                 ["property", ref rest @ ..] => {
-                    let property = property(rest).ok_or_else(|| format!("its header has the line {line:?}"))??;
+                    let property =
+                        property(rest).ok_or_else(|| format!("its header has the line {:?}", excerpt(line)))??;
                     match elements.last_mut() {
                         Some(element) if element.properties.len() < HEADER_PARTS => element.properties.push(property),
-                        _ => return Err(format!("its header has the line {line:?} out of place")),
+                        _ => return Err(format!("its header has the line {:?} out of place", excerpt(line))),
                     }
                 }
                 ["comment" | "obj_info", ..] | [] => {}
-                _ => return Err(format!("its header has the line {line:?}")),
+                _ => return Err(format!("its header has the line {:?}", excerpt(line))),
             }
         }
         let encoding = encoding.ok_or("its header has no line `format`")?;
@@ -171,10 +181,10 @@ impl Header {
         for element in self.elements.iter().filter(|e| e.count > 0) {
             let limit = if element.name == "vertex" { limits.vertices } else { limits.faces };
             if element.count > limit {
-                return Err(format!("{} {} elements are more than {limit}", element.count, element.name));
+                return Err(format!("{} elements {:?} are more than {limit}", element.count, excerpt(&element.name)));
             }
             if element.properties.is_empty() {
-                return Err(format!("its element {} has no property; export the file again", element.name));
+                return Err(format!("its element {:?} has no property; export the file again", excerpt(&element.name)));
             }
             let least = |p: &Property| match self.encoding {
                 Encoding::Ascii => 2,
@@ -324,7 +334,7 @@ fn read_faces(
 fn skip(element: &Element, body: &mut Body, limits: &ImportLimits) -> std::result::Result<(), String> {
     for i in 0..element.count {
         for property in &element.properties {
-            let place = |reason: String| format!("{} {i}: {reason}", element.name);
+            let place = |reason: String| format!("{:?} {i}: {reason}", excerpt(&element.name));
             let length = match property.list {
                 Some(list) => body.length(list, limits.face_corners).map_err(place)?,
                 None => 1,

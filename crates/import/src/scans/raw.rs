@@ -1,4 +1,5 @@
 use super::files::read_frame;
+use super::frame_mesh::turn_outwards;
 use super::hdf5::Hdf5Clip;
 use super::import::{notes, provenance};
 use super::source::Content as Listed;
@@ -53,8 +54,14 @@ impl RawScanSource {
             clips.push((ClipEntry { id: clip.id.clone(), frames, fps }, content));
         }
         let notes = notes(&conventions, fps, assumed);
-        let provenance = provenance(source, &conventions, fps, &notes, &serde_json::Map::new());
-        Ok(Self { conventions, limits, clips, notes, provenance })
+        let mut raw = Self { conventions, limits, clips, notes, provenance: serde_json::Value::Null };
+        if let Some((entry, content)) = raw.clips.first()
+            && raw.read(content, 0)?.is_some_and(|(_, turned)| turned)
+        {
+            raw.notes.push(format!("faces or normals of {} look inwards and are turned round", entry.id));
+        }
+        raw.provenance = provenance(source, &raw.conventions, fps, &raw.notes, &serde_json::Map::new());
+        Ok(raw)
     }
 
     /// What was guessed or assumed, a sentence each.
@@ -62,7 +69,8 @@ impl RawScanSource {
         &self.notes
     }
 
-    fn read(&self, content: &Content, t: usize) -> Result<Option<RawFrame>> {
+    /// A frame, and whether its normals looked inwards.
+    fn read(&self, content: &Content, t: usize) -> Result<Option<(RawFrame, bool)>> {
         let (points, normals, path) = match content {
             Content::Files(slots) => {
                 let Some(path) = slots.get(t).and_then(Option::as_ref) else { return Ok(None) };
@@ -77,11 +85,13 @@ impl RawScanSource {
             }
         };
         let points: Vec<Vec3> = points.into_iter().map(|p| self.conventions.point(p)).collect();
-        let normals = normals.into_iter().map(|n| self.conventions.up.y_up(n).normalize_or_zero()).collect();
+        let normals = normals.into_iter().map(|n| self.conventions.up.y_up(n).normalize_or_zero());
+        let mut normals: Vec<Vec3> = normals.collect();
+        let turned = turn_outwards(&points, &mut normals);
         self.conventions
             .check_height(&points)
             .map_err(|reason| ImportError::file(path, format!("frame {t}: {reason}")))?;
-        Ok(Some(RawFrame { points, normals }))
+        Ok(Some((RawFrame { points, normals }, turned)))
     }
 }
 
@@ -92,7 +102,8 @@ impl RawScans for RawScanSource {
 
     fn frame(&self, id: &ClipId, t: usize) -> softtissue_clips::Result<Option<RawFrame>> {
         let Some((_, content)) = self.clips.iter().find(|(entry, _)| entry.id == *id) else { return Ok(None) };
-        self.read(content, t).map_err(|e| ClipError::Raw(Box::new(e)))
+        let read = self.read(content, t).map_err(|e| ClipError::Raw(Box::new(e)))?;
+        Ok(read.map(|(frame, _)| frame))
     }
 
     fn provenance(&self) -> serde_json::Value {

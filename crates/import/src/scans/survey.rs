@@ -42,7 +42,7 @@ impl ScanSource {
                 }
                 (frames, vec![], file.faces(limits)?.is_some())
             }
-            Content::Npz(npz) => (npz.read(limits)?, vec![], npz.faces()?.is_some()),
+            Content::Npz(npz) => (npz.read(limits)?, vec![], npz.faces(limits)?.is_some()),
             Content::Files(files) => {
                 let mut frames: Option<Frames> = None;
                 let mut has_faces = false;

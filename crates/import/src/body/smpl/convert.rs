@@ -7,7 +7,7 @@ use crate::{ImportLimits, Result};
 use glam::Vec3;
 use softtissue_body::procedural::derived_regions;
 use softtissue_body::{BodyModel, JointRegressor, Mirror, Skeleton, SkinWeights, UvAtlas};
-use softtissue_geometry::Topology;
+use softtissue_geometry::{Topology, signed_volume};
 use std::sync::Arc;
 
 /// Weights under this share of a joint row are rounding.
@@ -17,7 +17,7 @@ const LEAST_SHARE: f64 = 1e-7;
 pub fn convert(fields: &Fields<'_>, config: &SmplConfig) -> Result<ImportedBody> {
     let template = points(fields, "v_template")?;
     let v = template.len();
-    let faces = faces(fields, v)?;
+    let mut faces = faces(fields, v)?;
     let weights = fields.require("weights")?;
     weights.expect_shape(&[Some(v), None])?;
     let joint_count = weights.shape()[1];
@@ -27,6 +27,10 @@ pub fn convert(fields: &Fields<'_>, config: &SmplConfig) -> Result<ImportedBody>
     let parents = parents(fields, joint_count)?;
     let rows = joint_rows(fields, joint_count, v)?;
     let (dense, mut notes) = (weights.f32s()?, Vec::new());
+    if signed_volume(&template, &faces) < 0.0 {
+        faces.iter_mut().for_each(|f| f.swap(1, 2));
+        notes.push("its faces are wound inwards and are turned round".to_owned());
+    }
     let shape_directions = shape_directions(fields, v, config.shapes, &mut notes)?;
     let pose_directions = pose_directions(fields, v, joint_count)?;
 

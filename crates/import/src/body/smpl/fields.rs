@@ -1,6 +1,7 @@
 use super::SmplConfig;
 use crate::arrays::{Array, Npz};
 use crate::pickle::{Id, Pickle, PickledArrays, SparseRows};
+use crate::place::excerpt;
 use crate::{Place, Result};
 use std::path::Path;
 
@@ -61,11 +62,11 @@ impl Fields<'_> {
     fn missing(&self, key: &str) -> crate::ImportError {
         let keys: Vec<String> = match self {
             Self::Pickle { arrays, .. } => {
-                arrays.pickle.keys(arrays.pickle.root()).into_iter().map(|k| k.chars().take(40).collect()).collect()
+                arrays.pickle.keys(arrays.pickle.root()).into_iter().map(|k| excerpt(k)).collect()
             }
-            Self::Npz { npz, .. } => npz.names().map(str::to_owned).collect(),
+            Self::Npz { npz, .. } => npz.names().take(40).map(|k| excerpt(k)).collect(),
         };
-        let holds = if keys.is_empty() { "nothing by name".into() } else { keys[..keys.len().min(40)].join(", ") };
+        let holds = if keys.is_empty() { "nothing by name".into() } else { keys.join(", ") };
         self.place(key).refuse(format!("it is missing; is the file a body model? It holds {holds}"))
     }
 
@@ -87,9 +88,7 @@ impl Fields<'_> {
         if let Some(rows) = sparse {
             return Ok(rows);
         }
-        let dense = self.require(key)?;
-        dense.expect_shape(&[None, None])?;
-        Ok(SparseRows::dense(&dense.f64s()?, dense.shape()[0], dense.shape()[1]))
+        SparseRows::dense(&self.require(key)?)
     }
 }
 
