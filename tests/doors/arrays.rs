@@ -136,10 +136,10 @@ fn containers() -> Vec<Case> {
     vec![
         hdf5(46, "external_storage.hdf5", &["50004_hips", "inside this file"]),
         hdf5(46, "virtual.hdf5", &["50004_hips"]),
-        hdf5(46, "external_link.hdf5", &["50004_hips"]),
+        hdf5(46, "external_link.hdf5", &["its root lists no dataset"]),
         hdf5(47, "bomb.hdf5", &["50004_hips", "no scan does"]),
         hdf5(47, "vast.hdf5", &["50004_hips", "more than"]),
-        hdf5(48, "cyclic.hdf5", &["50004_h"]),
+        hdf5(48, "cyclic.hdf5", &["its root lists no dataset"]),
         hdf5(48, "nameless.hdf5", &["dataset hips", "SUBJECT_SEQUENCE"]),
         hdf5(48, "two_axes.hdf5", &["50004_hips", "(vertices, 3, frames)"]),
         Case::refused(48, Door::Scans, "half.hdf5", half, &["HDF5"]),

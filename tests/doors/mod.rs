@@ -13,6 +13,7 @@ mod sequences;
 use crate::support::{Said, command, data_dir, folder, tiny_run};
 use files::{Lay, fixture};
 use std::collections::BTreeSet;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -76,7 +77,7 @@ impl Case {
         assert!(!home.exists(), "two cases of one name: {}", home.display());
         std::fs::create_dir_all(&home).expect("a folder");
         self.lay.iter().for_each(|lay| lay.down(&home));
-        let (source, out) = (home.join(&self.source), home.with_extension("out"));
+        let (source, out) = (home.join(&self.source), home.with_added_extension("out"));
         let [from, to, data] = [&source, &out, &data_dir()].map(|p| p.display().to_string());
         let import: Vec<&str> = match self.door {
             Door::Scans => vec!["import", "scans", &from, "--out", &to, "--data-dir", &data],
@@ -119,8 +120,9 @@ impl Case {
     fn elsewhere(&self, from: &str, to: &str, words: &[&str]) {
         let data = data_dir().display().to_string();
         if self.door == Door::Scans && self.arguments.is_empty() {
-            self.told(&limited(&["train", "--data", from, "--out", to, "--data-dir", &data]), words);
-            assert!(!Path::new(to).join("config.toml").exists(), "there is no run to resume");
+            let run = format!("{to}.run");
+            self.told(&limited(&["train", "--data", from, "--out", &run, "--data-dir", &data]), words);
+            assert!(!Path::new(&run).join("config.toml").exists(), "there is no run to resume");
         }
         if self.door == Door::Motion {
             let (bundle, to) = (tiny_run().path.join("bundle").display().to_string(), format!("{to}.glb"));
@@ -154,12 +156,16 @@ fn run(part: &str, numbers: std::ops::RangeInclusive<u8>, cases: &[Case]) {
     let found: BTreeSet<u8> = cases.iter().map(|c| c.number).collect();
     assert_eq!(found, numbers.collect(), "every case has its number");
     let home: PathBuf = folder(&format!("doors-{part}"));
-    let mut refused = BTreeSet::new();
+    let (mut refused, mut failed) = (BTreeSet::new(), Vec::new());
     for case in cases {
         let key = (case.number, case.door as u8);
         let first = matches!(case.then, Then::Refused(_)) && refused.insert(key);
-        case.run(&home, first);
+        // All that fail are of interest, not the first alone; each says why when it fails.
+        if catch_unwind(AssertUnwindSafe(|| case.run(&home, first))).is_err() {
+            failed.push(format!("{} {}", case.number, case.source));
+        }
     }
+    assert!(failed.is_empty(), "{failed:?}");
 }
 
 #[test]

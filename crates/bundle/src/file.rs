@@ -123,7 +123,14 @@ impl Bundle {
     }
 
     fn run_self_check(&self, dir: &Path) -> Result<()> {
-        let (frame, place, difference) = self.self_check.worst(self)?;
+        // A descriptor that does not fit the arrays knows no file.
+        let unfit = |e: BundleError| match e {
+            BundleError::Descriptor(e) => {
+                BundleError::refused(&dir.join(MANIFEST_FILE), format!("{e}; export the bundle again"))
+            }
+            other => other,
+        };
+        let (frame, place, difference) = self.self_check.worst(self).map_err(unfit)?;
         let tolerance = self.self_check.tolerance();
         if difference <= tolerance {
             return Ok(());

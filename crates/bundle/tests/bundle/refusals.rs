@@ -67,6 +67,13 @@ fn start(header: &Value, name: &str) -> usize {
 }
 
 #[test]
+fn a_descriptor_of_other_arrays() {
+    let dir = good();
+    edit_manifest(dir.path(), |m| m["descriptor"]["modes"] = json!(9));
+    refuse(dir.path(), "9 modes");
+}
+
+#[test]
 fn a_newer_version() {
     let dir = good();
     edit_manifest(dir.path(), |m| {
