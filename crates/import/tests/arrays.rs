@@ -1,7 +1,8 @@
 //! NumPy's files, as NumPy wrote them (`tests/fixtures/arrays/make.py`), and damaged ones.
 
 use proptest::prelude::*;
-use softtissue_import::arrays::{ArrayLimits, Npz, read_npy};
+use softtissue_import::Place;
+use softtissue_import::arrays::{Array, ArrayLimits, Npz, read_npy};
 use std::path::{Path, PathBuf};
 
 fn fixture(name: &str) -> PathBuf {
@@ -69,6 +70,24 @@ fn hostile_archives_are_refused() {
     let small = ArrayLimits { array_bytes: 64, ..limits };
     let large = Npz::open(&fixture("stored.npz"), &small).unwrap().require("f8").err().unwrap();
     assert!(large.to_string().contains("more than 64"), "{large}");
+}
+
+/// Small numbers become eight bytes each, and a text of none is still a text.
+#[test]
+fn what_would_outgrow_the_limit_in_memory_is_refused() {
+    let limits = ArrayLimits { array_bytes: 64, ..ArrayLimits::default() };
+    let array = |descr: &str, count: usize, data: &[u8]| {
+        let head = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({count},)}}");
+        let length = (head.len() as u16).to_le_bytes();
+        let bytes = [&b"\x93NUMPY\x01\0"[..], &length, head.as_bytes(), data].concat();
+        Array::from_npy(Place::file(Path::new("a.npy")), bytes, &limits).unwrap()
+    };
+    assert_eq!(array("|u1", 8, &[1; 8]).f64s().unwrap(), [1.0; 8]);
+    let refused = |outcome: String| assert!(outcome.contains("more than 64 bytes in memory"), "{outcome}");
+    refused(array("|u1", 9, &[1; 9]).f64s().unwrap_err().to_string());
+    refused(array("|u1", 9, &[1; 9]).integers().unwrap_err().to_string());
+    refused(array("|S0", 9, &[]).texts().unwrap_err().to_string());
+    assert!(array("|u1", 9, &[1; 9]).number().unwrap_err().to_string().contains("single number"));
 }
 
 #[test]
