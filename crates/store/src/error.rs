@@ -51,9 +51,10 @@ impl StoreError {
         Self::Io { action, path: path.to_owned(), source }
     }
 
-    /// A file whose content is refused.
+    /// A file whose content is refused. Words of the file that the reason quotes may hold anything: control characters
+    /// are left out.
     pub fn corrupt(path: &Path, reason: impl Into<String>) -> Self {
-        Self::Corrupt { path: path.to_owned(), reason: reason.into() }
+        Self::Corrupt { path: path.to_owned(), reason: reason.into().replace(char::is_control, " ") }
     }
 
     /// Whether the fault lies with the disk (full, read-only, no permission) rather than with content.

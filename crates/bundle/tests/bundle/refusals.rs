@@ -73,6 +73,15 @@ fn a_descriptor_of_other_arrays() {
     refuse(dir.path(), "9 modes");
 }
 
+/// What a terminal would take for a command is not repeated to it.
+#[test]
+fn a_key_of_control_characters() {
+    let dir = good();
+    edit_manifest(dir.path(), |m| m["\u{1b}[2J"] = json!(1));
+    refuse(dir.path(), "[2J");
+    assert!(!Bundle::read(dir.path()).unwrap_err().to_string().contains(char::is_control));
+}
+
 #[test]
 fn a_newer_version() {
     let dir = good();
