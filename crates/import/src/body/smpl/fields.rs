@@ -61,10 +61,8 @@ impl Fields<'_> {
 
     fn missing(&self, key: &str) -> crate::ImportError {
         let keys: Vec<String> = match self {
-            Self::Pickle { arrays, .. } => {
-                arrays.pickle.keys(arrays.pickle.root()).into_iter().map(|k| excerpt(k)).collect()
-            }
-            Self::Npz { npz, .. } => npz.names().take(40).map(|k| excerpt(k)).collect(),
+            Self::Pickle { arrays, .. } => arrays.pickle.keys(arrays.pickle.root()).into_iter().map(excerpt).collect(),
+            Self::Npz { npz, .. } => npz.names().take(40).map(excerpt).collect(),
         };
         let holds = if keys.is_empty() { "nothing by name".into() } else { keys.join(", ") };
         self.place(key).refuse(format!("it is missing; is the file a body model? It holds {holds}"))
