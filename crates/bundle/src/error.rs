@@ -76,6 +76,11 @@ pub enum BundleError {
 
 impl BundleError {
     pub(crate) fn refused(path: &Path, reason: impl Into<String>) -> Self {
-        Self::Refused { path: path.to_owned(), reason: reason.into() }
+        Self::Refused { path: path.to_owned(), reason: plain(&reason.into()) }
     }
+}
+
+/// Words that a file holds, as they may be repeated: without control characters.
+pub(crate) fn plain(words: &str) -> String {
+    words.replace(char::is_control, " ")
 }

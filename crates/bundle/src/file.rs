@@ -1,4 +1,5 @@
 use crate::descriptor::Descriptor;
+use crate::error::plain;
 use crate::manifest::{FileEntry, Manifest};
 use crate::{Bundle, BundleError, Result, arrays};
 use softtissue_body::BodyModel;
@@ -84,7 +85,8 @@ impl Bundle {
         let manifest_path = dir.join(MANIFEST_FILE);
         let topology = body.topology.hash();
         if topology != manifest.topology {
-            return Err(BundleError::Topology { path: manifest_path, found: manifest.topology, expected: topology });
+            let found = plain(&manifest.topology);
+            return Err(BundleError::Topology { path: manifest_path, found, expected: topology });
         }
         if body.skeleton.names != manifest.joints {
             return Err(BundleError::refused(
@@ -197,5 +199,5 @@ fn check_hash(path: &Path, found: String, entry: &FileEntry) -> Result<()> {
     if found == entry.sha256 {
         return Ok(());
     }
-    Err(BundleError::Hash { path: path.to_owned(), found, expected: entry.sha256.clone() })
+    Err(BundleError::Hash { path: path.to_owned(), found, expected: plain(&entry.sha256) })
 }

@@ -80,6 +80,11 @@ fn a_key_of_control_characters() {
     edit_manifest(dir.path(), |m| m["\u{1b}[2J"] = json!(1));
     refuse(dir.path(), "[2J");
     assert!(!Bundle::read(dir.path()).unwrap_err().to_string().contains(char::is_control));
+    for place in ["/topology", "/files/0/sha256"] {
+        let dir = good();
+        edit_manifest(dir.path(), |m| *m.pointer_mut(place).unwrap() = json!("\u{1b}[2J"));
+        assert!(!Bundle::read(dir.path()).unwrap_err().to_string().contains(char::is_control), "{place}");
+    }
 }
 
 #[test]
