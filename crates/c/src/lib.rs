@@ -133,7 +133,11 @@ pub unsafe extern "C" fn softtissue_bundle_from_memory(
 pub unsafe extern "C" fn softtissue_bundle_close(bundle: *mut SharedBundle) {
     if !bundle.is_null() {
         // SAFETY: it came out of a box, and nobody has it any more.
-        call((), || Ok(drop(unsafe { Box::from_raw(bundle) })));
+        let own = unsafe { Box::from_raw(bundle) };
+        call((), || {
+            drop(own);
+            Ok(())
+        });
     }
 }
 
@@ -249,7 +253,11 @@ pub unsafe extern "C" fn softtissue_player_new(
 pub unsafe extern "C" fn softtissue_player_free(player: *mut OwnPlayer) {
     if !player.is_null() {
         // SAFETY: it came out of a box, and nobody has it any more.
-        call((), || Ok(drop(unsafe { Box::from_raw(player) })));
+        let own = unsafe { Box::from_raw(player) };
+        call((), || {
+            drop(own);
+            Ok(())
+        });
     }
 }
 
