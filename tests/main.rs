@@ -11,6 +11,7 @@ mod doors;
 mod dyna;
 mod evidence;
 mod exports;
+mod inspect;
 mod main_job;
 mod motion;
 mod resume;

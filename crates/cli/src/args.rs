@@ -233,9 +233,12 @@ pub struct FitArgs {
 /// `inspect`.
 #[derive(Debug, Args)]
 pub struct InspectArgs {
-    /// A clip, a set of clips, a run, a bundle, a mesh, a foreign motion, or scans that `import scans` takes.
+    /// A clip, a set of clips, a body, a run, a bundle, a mesh, and whatever `import` takes.
     pub path: PathBuf,
-    /// Write a thumbnail of a foreign motion.
+    /// The body that clips of ours were made with, whose triangles and bones they lack; otherwise one that lies near.
+    #[arg(long, value_name = "FILE")]
+    pub body: Option<PathBuf>,
+    /// Draw some frames of it.
     #[arg(long, value_name = "FILE.png")]
     pub picture: Option<PathBuf>,
     /// Print JSON.

@@ -128,7 +128,7 @@ fn header<'a>(kind: &str, id: &ClipId, fps: f32) -> TensorFileWriter<'a> {
     file
 }
 
-fn open(kind: &str, path: &Path) -> Result<(TensorFile, ClipId, f32)> {
+pub(crate) fn open(kind: &str, path: &Path) -> Result<(TensorFile, ClipId, f32)> {
     let file = TensorFile::open(path)?;
     let found = file.require_meta("kind")?;
     if found != kind {

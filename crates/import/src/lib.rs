@@ -16,7 +16,7 @@ mod place;
 pub mod scans;
 
 pub use archive::Archive;
-pub use body::{AnnyConfig, ImportedBody, SmplConfig, import_anny, import_smpl};
+pub use body::{AnnyConfig, ImportedBody, SmplConfig, examine_body, import_anny, import_smpl};
 pub use error::ImportError;
 pub use natural::natural_cmp;
 pub use obj::{ImportLimits, ObjFrame, read_mesh, read_obj_frame};

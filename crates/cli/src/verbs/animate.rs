@@ -5,9 +5,10 @@ use crate::exit::{InputError, UsageError};
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::animation_format::Format;
+use crate::verbs::body_shape;
+use crate::verbs::contact_sheet::ContactSheet;
 use crate::verbs::controls::{controls, rest_mesh};
 use crate::verbs::foreign_motion::moved;
-use crate::verbs::{body_shape, contact_sheet};
 use anyhow::Result;
 use softtissue_bundle::{Bundle, BundleError, Controls, Player};
 use softtissue_clips::MotionClip;
@@ -49,7 +50,7 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     let Some(format) = format else {
         player.set_controls(&Controls::gain(0.0))?;
         let alone = play(&mut player, &motion, &terminal)?;
-        contact_sheet::write(&args.out, &bundle.body.topology, &alone, &frames)?;
+        ContactSheet::of_animation(&bundle.body.topology, &alone, &frames).write(&args.out)?;
         crate::print_line(&args.out.display().to_string());
         return Ok(());
     };

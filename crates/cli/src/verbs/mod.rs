@@ -2,7 +2,6 @@
 
 pub mod animate;
 mod animation_format;
-mod body_facts;
 mod body_shape;
 pub mod config;
 mod contact_sheet;
@@ -13,7 +12,6 @@ pub mod fit;
 mod foreign_motion;
 pub mod import;
 pub mod inspect;
-mod inspect_motion;
 pub mod synth;
 pub mod train;
 

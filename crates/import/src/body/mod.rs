@@ -2,9 +2,11 @@
 
 mod anny;
 mod mirror;
+mod problems;
 mod smpl;
 
 pub use anny::{AnnyConfig, import_anny};
+pub use problems::examine_body;
 pub use smpl::{SmplConfig, import_smpl};
 
 use softtissue_body::BodyModel;

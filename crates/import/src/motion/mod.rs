@@ -26,7 +26,7 @@ pub use config::{MotionConfig, MotionLimits, RetargetConfig};
 pub use foreign::{ForeignMotion, ForeignPose, ForeignSkeleton};
 pub use guess::{MotionUnits, UpAxis};
 pub use person::{Arm, Leg, Naming, Person};
-pub use problems::problems;
+pub use problems::examine;
 pub use read::{MotionFacts, ReadMotion, is_motion_file, read_motion};
 pub use resample::resample;
 pub use retarget::{Retargeted, retarget};

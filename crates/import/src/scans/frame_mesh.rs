@@ -36,9 +36,13 @@ impl FrameMesh {
         if !self.normals.is_empty() || self.faces.is_empty() {
             return self.normals.clone();
         }
+        vertex_normals(&self.positions, &self.triangles())
+    }
+
+    /// Its polygons as fans of triangles.
+    pub fn triangles(&self) -> Vec<[u32; 3]> {
         let fan = |c: &Vec<u32>| (1..c.len() - 1).map(|k| [c[0], c[k], c[k + 1]]).collect::<Vec<_>>();
-        let triangles: Vec<[u32; 3]> = self.faces.iter().flat_map(fan).collect();
-        vertex_normals(&self.positions, &triangles)
+        self.faces.iter().flat_map(fan).collect()
     }
 }
 

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use softtissue_body::Skeleton;
 use softtissue_clips::ClipId;
-use softtissue_import::motion::{MotionConfig, RetargetConfig, problems, read_motion, resample, retarget};
+use softtissue_import::motion::{MotionConfig, RetargetConfig, examine, read_motion, resample, retarget};
 use std::path::Path;
 use std::sync::LazyLock;
 
@@ -27,7 +27,7 @@ const TELLING: &[u8] = b"0123456789.-+eE{} \n:#XYZRzT\xff\x00nai";
 /// Whether a file is taken; panics where something that is taken is not finite.
 fn taken(path: &Path) -> bool {
     let Ok(read) = read_motion(path, &MotionConfig::default()) else { return false };
-    problems(&read);
+    examine(&read);
     let id = ClipId::new("a", "b", 0);
     match retarget(path, &read, id, &Skeleton::smpl(), &body(), &RetargetConfig::default()) {
         Ok(done) => {

@@ -1,6 +1,7 @@
 use super::support::{body, data, degrees, fixture, on_body, posed, read};
 use glam::Vec3;
-use softtissue_import::motion::problems;
+use softtissue_clips::inspection::ProblemKind;
+use softtissue_import::motion::examine;
 
 /// Directions of bones are the source's, so a picture of both would be the same person at another size.
 #[test]
@@ -70,20 +71,32 @@ fn the_root_moves_as_far_as_the_legs_are_long() {
 
 #[test]
 fn problems_are_found_and_a_good_clip_has_none() {
+    for path in ["plain.bvh", "daz.bvh", "motion_builder.bvh", "folded.bvh", "amass_1.npz", "amass_2.npz"].map(fixture)
+    {
+        assert_eq!(examine(&read(&path)).problems, [], "{}", path.display());
+    }
+    assert_eq!(examine(&read(&data("01_01.amc"))).problems, []);
     let good = read(&data("cmu_01_01.bvh"));
-    assert_eq!(problems(&good), Vec::<String>::new());
+    assert_eq!(examine(&good).problems, []);
     let joints = good.motion.skeleton.len();
     let mut bad = good.clone();
     bad.motion.positions[50].x += 3.0;
     let (before, after) = bad.motion.rotations.split_at_mut(120 * joints);
     after[..joints].copy_from_slice(&before[119 * joints..]);
     bad.motion.positions[120] = bad.motion.positions[119];
-    let person = &mut bad.person;
-    person.legs.swap(0, 1);
-    let found = problems(&bad).join("; ");
-    for part in ["frame 50: ", "frame 51: ", "frame 120 repeats", "left and right"] {
-        assert!(found.contains(part), "{part}: {found}");
-    }
+    bad.motion.positions.drain(150..153);
+    bad.motion.rotations.drain(150 * joints..153 * joints);
+    bad.person.legs.swap(0, 1);
+    let found: Vec<(ProblemKind, Vec<usize>)> = examine(&bad)
+        .problems
+        .into_iter()
+        .map(|p| (p.kind, p.first.iter().filter_map(|p| p.frame).collect()))
+        .collect();
+    let frames = |kind: ProblemKind| found.iter().find(|f| f.0 == kind).map(|f| f.1.as_slice());
+    assert_eq!(frames(ProblemKind::LeftRightSwap), Some(&[][..]));
+    assert_eq!(frames(ProblemKind::Teleport), Some(&[50, 51][..]));
+    assert_eq!(frames(ProblemKind::RepeatedFrames), Some(&[120][..]));
+    assert!(frames(ProblemKind::DroppedFrames).is_some_and(|f| f.contains(&150)), "{found:?}");
 }
 
 /// The rest pose of this file is no person, so a frame stands in for it: limbs still point where they should, and the
