@@ -2,9 +2,11 @@
 //! them see one frame at a time, so that no clip need lie in memory whole.
 
 mod exam;
+mod likeness;
 mod mesh;
 mod problem;
 mod sides;
+mod steps;
 mod watch;
 
 pub use exam::{ClipExam, ClipFindings, ExamConfig, Sample};

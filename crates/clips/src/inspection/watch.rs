@@ -1,28 +1,15 @@
+use super::likeness::{FOLLOWED, REMEMBERED, dropped, resemblance};
+use super::steps::Steps;
 use super::{Place, Problem, ProblemKind};
-use glam::{DMat3, Vec3};
+use glam::Vec3;
 use std::collections::VecDeque;
 
-/// Points that are followed over several frames.
-const FOLLOWED: usize = 512;
-/// Frames that are remembered for dropped ones: two steps before and after the one that is judged.
-const REMEMBERED: usize = 6;
 /// Slower sequences make a gesture in a few frames: nothing is said of dropped ones.
 const SLOWEST_FPS: f32 = 24.0;
-/// Steps below this (root mean square, metres) say nothing of dropped frames.
-const STILL_M: f32 = 2e-3;
-/// A step across dropped frames is so many times as long as its neighbours are.
-const DROPPED: std::ops::RangeInclusive<f32> = 1.6..=6.0;
-/// It leaves the direction of its neighbours by this share of its length at most.
-const ASTRAY: f32 = 0.35;
-/// The change of the steps about it is so many times smaller than its own.
-const SMOOTH: f32 = 3.0;
 /// Normalised determinant of the covariance of two frames: 1 where points keep their places, -1 where left and right
 /// are exchanged, 0 where anything is.
 const EXCHANGED: f64 = -0.2;
 const SHUFFLED: f64 = 0.2;
-/// A body that comes to rest or sets off by itself does so gently: the step beside a pause is shorter than this share of
-/// the next one. A frozen picture stops and goes at once.
-const ABRUPT: f32 = 0.5;
 /// Share of the points that jump where vertices change places.
 const JUMPING: f32 = 0.2;
 
@@ -71,8 +58,7 @@ pub struct SequenceWatch {
     middle: Option<(Vec3, Vec3)>,
     followed: VecDeque<(usize, Vec<Vec3>)>,
     suspects: Vec<(usize, f32)>,
-    /// The longest way of a point to each frame, by number; 0 where the frame repeats the one before.
-    steps: Vec<(usize, f32)>,
+    steps: Steps,
     bounds: Option<[Vec3; 2]>,
     frames: usize,
     low: Low,
@@ -99,7 +85,7 @@ impl SequenceWatch {
             middle: None,
             followed: VecDeque::new(),
             suspects: vec![],
-            steps: vec![],
+            steps: Steps::default(),
             bounds: None,
             frames: 0,
             low: Low::default(),
@@ -188,7 +174,7 @@ impl SequenceWatch {
 
     fn compare(&mut self, t: usize, points: &[Vec3]) {
         if self.before == points {
-            self.steps.push((t, 0.0));
+            self.steps.push(t, 0.0);
             return;
         }
         let (m, before) = (middle(points), &self.before);
@@ -204,7 +190,7 @@ impl SequenceWatch {
         }
         let leap = (m - was - velocity).length();
         let allowed = self.config.jump_m.max(self.config.jump_m_s2 / (self.fps * self.fps));
-        self.steps.push((t, farthest));
+        self.steps.push(t, farthest);
         // a first step has no velocity before it
         let leaps = self.followed.len() > 1 && leap > allowed;
         let alike = resemblance(before, points).filter(|_| self.config.is_body);
@@ -247,36 +233,6 @@ impl SequenceWatch {
         }
     }
 
-    /// Frames that repeat the one before, pauses that a body makes by itself left out.
-    fn repeated(&self) -> Vec<usize> {
-        let mut found = Vec::new();
-        let step = |k: usize, before: usize| self.steps.get(k).filter(|s| s.0 == before).map(|s| s.1);
-        let mut k = 0;
-        while k < self.steps.len() {
-            let first = k;
-            while k < self.steps.len() && self.steps[k].1 == 0.0 && self.steps[k].0 == self.steps[first].0 + k - first {
-                k += 1;
-            }
-            if k == first {
-                k += 1;
-                continue;
-            }
-            let (start, end) = (self.steps[first].0, self.steps[k - 1].0);
-            let back = |n: usize| step(first.checked_sub(n)?, start.checked_sub(n)?);
-            let on = |n: usize| step(k + n - 1, end + n);
-            let abrupt = |near: Option<f32>, far: Option<f32>| match (near, far) {
-                (Some(near), Some(far)) => near > ABRUPT * far,
-                (Some(near), None) => near > 0.0,
-                _ => false,
-            };
-            let still = self.steps.iter().all(|s| s.1 == 0.0);
-            if still || abrupt(back(1), back(2)) || abrupt(on(1), on(2)) {
-                found.extend(self.steps[first..k].iter().map(|s| s.0));
-            }
-        }
-        found
-    }
-
     /// Lowest and highest corner of all that was seen, metres.
     pub fn range(&self) -> Option<[Vec3; 2]> {
         self.bounds
@@ -287,7 +243,7 @@ impl SequenceWatch {
         if let Some(teleport) = self.found.iter_mut().find(|p| p.kind == ProblemKind::Teleport) {
             teleport.says = format!("points jump, the fastest at {:.0} m/s", self.fastest);
         }
-        let repeated = self.repeated();
+        let repeated = self.steps.repeated();
         if !repeated.is_empty() {
             let places = repeated.into_iter().map(Place::frame);
             self.found.push(Problem::at(ProblemKind::RepeatedFrames, "frames repeat the one before", places));
@@ -319,55 +275,6 @@ impl SequenceWatch {
 
 fn middle(points: &[Vec3]) -> Vec3 {
     points.iter().sum::<Vec3>() / points.len() as f32
-}
-
-/// Determinant of the covariance of two sets of points over what it is where they are the same; `None` for points that
-/// lie in a plane, too few, or not finite.
-fn resemblance(a: &[Vec3], b: &[Vec3]) -> Option<f64> {
-    let step = a.len().div_ceil(FOLLOWED).max(1);
-    let pairs: Vec<(Vec3, Vec3)> = a.iter().copied().zip(b.iter().copied()).step_by(step).collect();
-    if pairs.len() < 4 {
-        return None;
-    }
-    let n = pairs.len() as f32;
-    let (ma, mb) = pairs.iter().fold((Vec3::ZERO, Vec3::ZERO), |(x, y), (p, q)| (x + *p / n, y + *q / n));
-    let [mut ab, mut aa, mut bb] = [DMat3::ZERO; 3];
-    for (p, q) in pairs {
-        let (p, q) = ((p - ma).as_dvec3(), (q - mb).as_dvec3());
-        ab += DMat3::from_cols(p * q.x, p * q.y, p * q.z);
-        aa += DMat3::from_cols(p * p.x, p * p.y, p * p.z);
-        bb += DMat3::from_cols(q * q.x, q * q.y, q * q.z);
-    }
-    let solid = |m: &DMat3| {
-        let mean = (m.x_axis.x + m.y_axis.y + m.z_axis.z) / 3.0;
-        m.determinant() > 1e-4 * mean.powi(3)
-    };
-    let r = ab.determinant() / (aa.determinant() * bb.determinant()).sqrt();
-    (solid(&aa) && solid(&bb) && r.is_finite()).then_some(r)
-}
-
-/// How many times as long as its neighbours the middle step of six frames is, where frames look lost there.
-fn dropped(frames: &VecDeque<(usize, Vec<Vec3>)>) -> Option<f32> {
-    let points = frames[0].1.len();
-    let step = |k: usize, i: usize| frames[k + 1].1[i] - frames[k].1[i];
-    let (mut mm, mut bm, mut bb) = (0.0f32, 0.0, 0.0);
-    let (mut jerk, mut before, mut after) = (0.0f32, 0.0, 0.0);
-    for i in 0..points {
-        let [a0, a, b, c, c1] = [0, 1, 2, 3, 4].map(|k| step(k, i));
-        let m = 0.5 * (a + c);
-        mm += m.length_squared();
-        bm += b.dot(m);
-        bb += b.length_squared();
-        jerk += (b - m).length_squared();
-        before += (a - a0).length_squared();
-        after += (c1 - c).length_squared();
-    }
-    let times = bm / mm;
-    let astray = (bb - times * bm).max(0.0).sqrt();
-    let moving = (mm / points as f32).sqrt() > STILL_M;
-    let lost =
-        DROPPED.contains(&times) && astray < ASTRAY * bb.sqrt() && jerk.sqrt() > SMOOTH * before.max(after).sqrt();
-    (moving && lost).then_some(times)
 }
 
 #[cfg(test)]
