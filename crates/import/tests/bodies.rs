@@ -1,10 +1,12 @@
 //! SMPL and its kin, as the layouts of the released files have them (`tests/fixtures/bodies/make.py`).
 
 use glam::Vec3;
+use softtissue_body::procedural::{ProceduralConfig, generate};
 use softtissue_body::{BodyModel, Region, Skeleton};
+use softtissue_clips::inspection::{ExamConfig, ProblemKind};
 use softtissue_import::arrays::{ArrayLimits, Npz};
 use softtissue_import::pickle::{Pickle, PickleLimits, PickledArrays};
-use softtissue_import::{ImportedBody, Place, SmplConfig, import_smpl};
+use softtissue_import::{ImportedBody, Place, SmplConfig, examine_body, import_smpl};
 use std::path::{Path, PathBuf};
 
 fn fixture(name: &str) -> PathBuf {
@@ -118,4 +120,27 @@ fn damaged_pickles_never_panic() {
             }
         }
     }
+}
+
+#[test]
+fn a_sound_body_gives_no_finding_and_planted_faults_are_told() {
+    let config = ProceduralConfig { level: 0, people: 40, ..ProceduralConfig::default() };
+    let mut body = generate(&config).expect("a body").model;
+    let exam = ExamConfig::default();
+    let (facts, problems) = examine_body(&body, &exam);
+    assert_eq!(problems, []);
+    assert_eq!((facts.pieces, facts.genus), (1, Some(0)));
+    body.skeleton.names.swap(1, 2);
+    body.mirror.vertices.swap(10, 500);
+    let mut topology = (*body.topology).clone();
+    topology.faces[20].swap(0, 1);
+    body.topology = topology.into();
+    let kinds: Vec<(ProblemKind, usize)> = examine_body(&body, &exam).1.iter().map(|p| (p.kind, p.count)).collect();
+    let swap = ProblemKind::LeftRightSwap;
+    assert_eq!(kinds, [(ProblemKind::FlippedFaces, 1), (swap, 2), (swap, 2)]);
+    let mut topology = (*body.topology).clone();
+    topology.faces.iter_mut().for_each(|f| f.swap(0, 1));
+    topology.faces[20].swap(0, 1);
+    body.topology = topology.into();
+    assert_eq!(examine_body(&body, &exam).1[0].kind, ProblemKind::InsideOut);
 }

@@ -81,11 +81,12 @@ fn problems_are_found_and_a_good_clip_has_none() {
     let joints = good.motion.skeleton.len();
     let mut bad = good.clone();
     bad.motion.positions[50].x += 3.0;
-    let (before, after) = bad.motion.rotations.split_at_mut(120 * joints);
-    after[..joints].copy_from_slice(&before[119 * joints..]);
-    bad.motion.positions[120] = bad.motion.positions[119];
-    bad.motion.positions.drain(150..153);
-    bad.motion.rotations.drain(150 * joints..153 * joints);
+    let (before, after) = bad.motion.rotations.split_at_mut(80 * joints);
+    after[..joints].copy_from_slice(&before[79 * joints..]);
+    bad.motion.positions[80] = bad.motion.positions[79];
+    // three frames lost while the person still moves
+    bad.motion.positions.drain(100..103);
+    bad.motion.rotations.drain(100 * joints..103 * joints);
     bad.person.legs.swap(0, 1);
     let found: Vec<(ProblemKind, Vec<usize>)> = examine(&bad)
         .problems
@@ -95,8 +96,8 @@ fn problems_are_found_and_a_good_clip_has_none() {
     let frames = |kind: ProblemKind| found.iter().find(|f| f.0 == kind).map(|f| f.1.as_slice());
     assert_eq!(frames(ProblemKind::LeftRightSwap), Some(&[][..]));
     assert_eq!(frames(ProblemKind::Teleport), Some(&[50, 51][..]));
-    assert_eq!(frames(ProblemKind::RepeatedFrames), Some(&[120][..]));
-    assert!(frames(ProblemKind::DroppedFrames).is_some_and(|f| f.contains(&150)), "{found:?}");
+    assert_eq!(frames(ProblemKind::RepeatedFrames), Some(&[80][..]));
+    assert_eq!(frames(ProblemKind::DroppedFrames), Some(&[100][..]), "{found:?}");
 }
 
 /// The rest pose of this file is no person, so a frame stands in for it: limbs still point where they should, and the
