@@ -135,12 +135,15 @@ fn obj(points: &[Vec3], faces: &[[u32; 3]]) -> String {
     text
 }
 
+/// Changes a frame's faces, or gives the text of its file.
+type Change = dyn Fn(usize, &mut Vec<[u32; 3]>) -> Option<String>;
+
 #[test]
 fn planted_faults_of_obj_frames_are_told() {
     let home = folder("inspect-obj");
     let (body, clip) = (tiny_body(), first_clip());
     let faces = body.topology.faces.clone();
-    let sequence = |name: &str, change: &dyn Fn(usize, &mut Vec<[u32; 3]>) -> Option<String>| {
+    let sequence = |name: &str, change: &Change| {
         let below = home.join(name).join("anna/hips");
         std::fs::create_dir_all(&below).expect("a folder");
         for t in 0..12 {

@@ -58,7 +58,7 @@ impl Facts {
     /// The picture, where there is something to draw.
     pub fn sheet(&self) -> Option<ContactSheet> {
         let rows: Vec<Vec<Tile>> = self.rows.iter().filter(|row| !row.is_empty()).cloned().collect();
-        (!rows.is_empty()).then(|| ContactSheet { rows, tile: TILE, centred: true })
+        (!rows.is_empty()).then_some(ContactSheet { rows, tile: TILE, centred: true })
     }
 
     /// One object: `what`, the facts, `problems`.
