@@ -7,10 +7,11 @@ mod support;
 use flate2::Crc;
 use softtissue_body::Skeleton;
 use softtissue_clips::ClipId;
+use softtissue_clips::inspection::ExamConfig;
 use softtissue_import::arrays::ArrayLimits;
-use softtissue_import::{Archive, ImportError, SmplConfig, import_smpl};
-use softtissue_import::motion::{MotionConfig, RetargetConfig, problems, read_motion, resample, retarget};
+use softtissue_import::motion::{MotionConfig, RetargetConfig, examine, read_motion, resample, retarget};
 use softtissue_import::scans::{ScanImportConfig, ScanSource};
+use softtissue_import::{Archive, ImportError, SmplConfig, import_smpl};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
@@ -69,7 +70,7 @@ pub fn archive(names: &[&str], data: &[u8]) -> Vec<u8> {
 /// Reads a motion, looks at it, and puts it onto a body at another rate: what is taken is finite.
 pub fn motion(path: &Path) {
     let Some(read) = told(path, read_motion(path, &MotionConfig::default())) else { return };
-    problems(&read);
+    examine(&read);
     let id = ClipId::new("a", "b", 0);
     let done = retarget(path, &read, id, &Skeleton::smpl(), &support::body(), &RetargetConfig::default());
     let Some(done) = told(path, done) else { return };
@@ -81,11 +82,11 @@ pub fn motion(path: &Path) {
 pub fn scans(path: &Path) {
     let Some(source) = told(path, ScanSource::open(path, &ScanImportConfig::default())) else { return };
     told(path, source.is_raw(8));
-    told(path, source.fps());
+    let Some((fps, _)) = told(path, source.fps()) else { return };
     let Some(conventions) = told(path, source.conventions()) else { return };
-    for (_, survey) in source.survey(&conventions) {
-        let points = told(path, survey).and_then(|s| s.points);
-        assert!(points.is_none_or(|p| p.points().iter().all(|p| !p.is_nan())));
+    for (_, survey) in source.survey(&conventions, fps, ExamConfig::default()) {
+        let samples = told(path, survey).map_or_else(Vec::new, |s| s.findings.samples);
+        assert!(samples.iter().flat_map(|s| &s.points).all(|p| !p.is_nan()));
     }
 }
 

@@ -143,7 +143,7 @@ impl ClipExam {
         }
         if within && !self.faces.is_empty() && self.faces.len() <= self.config.most_faces {
             let cut = self_intersections(points, &self.faces, self.config.tolerance_m);
-            self.found.cut.push((t, cut.len()));
+            self.found.cut.extend(cut.map(|cut| (t, cut.len())));
         }
         let size = points.len() + self.faces.len();
         if size <= self.room {

@@ -18,7 +18,7 @@ pub fn examine_body(body: &BodyModel, config: &ExamConfig) -> (MeshFacts, Vec<Pr
         problems.push(Problem { count: facts.border_edges, ..Problem::new(ProblemKind::NotClosed, says) });
     }
     if faces.len() <= config.most_faces {
-        let cut = self_intersections(&body.template, faces, config.tolerance_m);
+        let cut = self_intersections(&body.template, faces, config.tolerance_m).unwrap_or_default();
         if cut.len() as f32 > config.most_cut(faces.len()) {
             let says = format!("{} of {} faces cut through others at rest", cut.len(), faces.len());
             let places = cut.iter().map(|f| Place::face(*f));
