@@ -240,9 +240,10 @@ fn bundles_runs_fits_and_bodies_are_drawn() {
     softtissue(&["fit", &scans, "--config", &config, "--data-dir", &data, "--out", &text(&fit)]).fine();
     let facts = told(&fit, &[]);
     assert_eq!((&facts["what"], problems(&facts)), (&"fit set".into(), vec![]), "{}", facts["problems"]);
-    assert_eq!(drawn(&fit, &home, &[]).0, 6 * 160);
+    let of_body = ["--body", &text(&body)];
+    assert_eq!(drawn(&fit, &home, &of_body).0, 6 * 160);
     let subject = std::fs::read_dir(fit.join("subjects")).expect("subjects").flatten().next().expect("one").path();
-    assert_eq!(drawn(&subject, &home, &[]), (2 * 160, 240));
+    assert_eq!(drawn(&subject, &home, &of_body), (2 * 160, 240));
     // what is only a list has no picture
     let picture = text(&home.join("none.png"));
     softtissue(&["inspect", &text(&cache), "--picture", &picture]).refused(2, &["--picture", "cache"]);
