@@ -6,12 +6,36 @@ use std::process::Stdio;
 #[test]
 fn help_names_every_verb_and_usage_errors_exit_with_two() {
     let help = softtissue(&["--help"]);
-    for verb in ["train", "eval", "animate", "synth", "fit", "import", "inspect", "config", "completions", "man"] {
+    for verb in [
+        "train",
+        "eval",
+        "animate",
+        "export",
+        "view",
+        "synth",
+        "fit",
+        "import",
+        "inspect",
+        "config",
+        "completions",
+        "man",
+    ] {
         assert!(help.fine().out.contains(verb), "{verb}");
     }
     assert_eq!(softtissue(&["trian"]).code, 2);
     assert_eq!(softtissue(&[]).code, 2);
     assert!(softtissue(&["--version"]).fine().out.contains(env!("CARGO_PKG_VERSION")));
+}
+
+#[cfg(not(feature = "web"))]
+#[test]
+fn pages_need_a_build_that_has_the_player() {
+    let dir = folder("pages");
+    let page = dir.join("page").display().to_string();
+    softtissue(&["view", "nowhere", "--no-browser"]).refused(2, &["--features web", "rustup target add"]);
+    softtissue(&["export", "nowhere", "--web", &page]).refused(2, &["--features web"]);
+    assert!(!dir.join("page").exists());
+    softtissue(&["export", "nowhere", "--onnx", "n.onnx", "--motion", "synth:hips"]).refused(2, &["--web DIR"]);
 }
 
 #[test]

@@ -3,7 +3,9 @@ use crate::error::plain;
 use crate::manifest::{FileEntry, Manifest};
 use crate::{Bundle, BundleError, Result, arrays};
 use softtissue_body::BodyModel;
-use softtissue_store::{Limits, StoreError, TensorFile, create_dir, sha256_bytes, sha256_file, write_json_atomic};
+use softtissue_store::{
+    Limits, StoreError, TensorFile, create_dir, read_limited, sha256_bytes, sha256_file, write_json_atomic,
+};
 use std::path::Path;
 
 /// Name of the list of contents, written last: a folder without it is no bundle.
@@ -12,6 +14,9 @@ pub const MANIFEST_FILE: &str = "manifest.json";
 const MODEL_FILE: &str = "model.safetensors";
 /// Name of the body.
 const BODY_FILE: &str = "body.safetensors";
+
+/// Largest file of a bundle that is read into memory whole, bytes.
+const LARGEST_FILE: u64 = 1 << 30;
 
 /// The files of a bundle, whole.
 #[derive(Clone, Debug, Default)]
@@ -22,6 +27,18 @@ pub struct BundleFiles {
     pub body: Vec<u8>,
     /// `model.safetensors`.
     pub model: Vec<u8>,
+}
+
+impl BundleFiles {
+    /// Reads the files of a folder as they are; [`Bundle::from_memory`] checks them.
+    pub fn read(dir: &Path) -> Result<Self> {
+        let read = |name: &str| read_limited(&dir.join(name), LARGEST_FILE);
+        Ok(Self { manifest: read(MANIFEST_FILE)?, body: read(BODY_FILE)?, model: read(MODEL_FILE)? })
+    }
+    /// Their names in a folder and their contents: manifest, body, model.
+    pub fn named(&self) -> [(&'static str, &[u8]); 3] {
+        [(MANIFEST_FILE, &self.manifest), (BODY_FILE, &self.body), (MODEL_FILE, &self.model)]
+    }
 }
 
 impl Bundle {

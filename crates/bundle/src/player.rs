@@ -265,6 +265,16 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         &self.vertices
     }
 
+    /// Posed vertices of the body that moves without deltas, `[V]`, metres.
+    pub fn body_alone(&mut self) -> impl ExactSizeIterator<Item = Vec3> {
+        if !self.posed {
+            self.posing.run(&self.bundle.body, &self.shaped, self.shown.steady());
+            self.posed = true;
+        }
+        let shift = self.shown.teleported;
+        self.posing.skinned.iter().map(move |v| *v + shift)
+    }
+
     /// A whole motion from its start: rotations `[T, J]`, radians, and translations `[T]`, metres. `show` is called for
     /// each frame in order, look-ahead taken out. Returns what the steps had to do.
     pub fn play(

@@ -66,10 +66,28 @@ int softtissue_control(softtissue_player *player, const char *region, float gain
  * translation: 3; vertices: room for 3 a vertex, or NULL. Returns bits of what had to be done. */
 uint32_t softtissue_step(softtissue_player *player, const float *rotations, const float *translation, float dt,
                          float *vertices);
+/* The body of the newest frame without its soft tissue: vertices has room for 3 numbers a vertex. Returns 0, or -1 on
+ * failure. */
+int softtissue_body_alone(softtissue_player *player, float *vertices);
 /* Displacements of the rest mesh, 3 numbers a vertex. */
 const float *softtissue_deltas(const softtissue_player *player);
 /* What an exported ONNX network takes of the newest frame; *count says how many. */
 const float *softtissue_features(const softtissue_player *player, size_t *count);
+
+/* Foreign motions; only in a library built with the feature "motion" (cargo build -p softtissue-c --features motion).
+ *
+ * Reads a BVH file that lies in memory and puts it onto the bundle's body of this shape, at the bundle's rate. name stands
+ * in messages. NULL on failure. */
+typedef struct softtissue_motion softtissue_motion;
+softtissue_motion *softtissue_motion_from_bvh(const softtissue_bundle *bundle, const float *shape, size_t shape_count,
+                                              const char *name, const uint8_t *bytes, size_t size);
+void softtissue_motion_free(softtissue_motion *motion);
+size_t softtissue_motion_length(const softtissue_motion *motion);
+/* Rotations, 3 numbers a joint, frame after frame; translations, 3 numbers a frame. */
+const float *softtissue_motion_rotations(const softtissue_motion *motion);
+const float *softtissue_motion_translations(const softtissue_motion *motion);
+/* What the file is and what was guessed of it, in a line; NULL for NULL. */
+const char *softtissue_motion_facts(const softtissue_motion *motion);
 
 /* Why the last call on this thread failed, until the next one fails; never NULL. */
 const char *softtissue_error(void);

@@ -4,6 +4,8 @@
 //! header states, and lets no panic out.
 #![expect(unsafe_code, reason = "a C interface is made of pointers; tests/program.rs runs it from C")]
 
+#[cfg(feature = "motion")]
+mod motion;
 #[cfg(target_family = "wasm")]
 mod page;
 
@@ -334,6 +336,26 @@ pub unsafe extern "C" fn softtissue_step(
             unsafe { std::ptr::copy_nonoverlapping(posed.as_ptr(), vertices, posed.len()) };
         }
         Ok(bits(&report))
+    })
+}
+
+/// See the header.
+///
+/// # Safety
+/// `player` is NULL or living, and used by nobody else; `vertices` is NULL or as long as the header says.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtissue_body_alone(player: *mut OwnPlayer, vertices: *mut f32) -> c_int {
+    call(-1, || {
+        // SAFETY: the caller's.
+        let player = &mut unsafe { own(player, "player") }?.player;
+        let count = player.bundle().body.vertex_count();
+        if vertices.is_null() {
+            return Err("vertices is NULL".into());
+        }
+        // SAFETY: not null, and the caller has room for three numbers a vertex.
+        let room = unsafe { std::slice::from_raw_parts_mut(vertices, 3 * count) };
+        room.chunks_exact_mut(3).zip(player.body_alone()).for_each(|(to, v)| to.copy_from_slice(&v.to_array()));
+        Ok(0)
     })
 }
 

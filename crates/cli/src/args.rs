@@ -27,8 +27,10 @@ pub enum Verb {
     Eval(EvalArgs),
     /// Add soft tissue to a motion and write an animated glTF.
     Animate(AnimateArgs),
-    /// Write the network of a bundle for other programs.
+    /// Write the network of a bundle for other programs, or a web page that plays it.
     Export(ExportArgs),
+    /// Play a bundle in the browser, with sliders for body and flesh.
+    View(ViewArgs),
     /// Make 4D scans with known truth from code alone.
     Synth(SynthArgs),
     /// Fit shape and pose to scans and extract the soft-tissue deltas.
@@ -151,7 +153,7 @@ pub struct ShapeArgs {
 
 /// `export`.
 #[derive(Debug, Args)]
-#[group(id = "written", required = true, multiple = true, args = ["onnx", "plain_onnx"])]
+#[group(id = "written", required = true, multiple = true, args = ["onnx", "plain_onnx", "web"])]
 pub struct ExportArgs {
     /// The bundle folder.
     pub bundle: PathBuf,
@@ -164,6 +166,43 @@ pub struct ExportArgs {
     /// The same without ONNX's recurrent operator: matrix products, sigmoids and hyperbolic tangents in its place.
     #[arg(long, value_name = "FILE.onnx")]
     pub plain_onnx: Option<PathBuf>,
+    /// Write a web page that plays the bundle, a folder that any web server can host; needs a build with `--features web`.
+    #[arg(long, value_name = "DIR")]
+    pub web: Option<PathBuf>,
+    /// Motions of the page.
+    #[command(flatten)]
+    pub motions: PageMotionArgs,
+}
+
+/// Which motions a page has.
+#[derive(Debug, Args)]
+pub struct PageMotionArgs {
+    /// A motion of the page: a motion clip, a foreign motion (`.bvh`, `.amc`, `.npz` of AMASS), or `synth:NAME`. May be
+    /// repeated [default: six generated ones].
+    #[arg(long = "motion", value_name = "MOTION")]
+    pub chosen: Vec<String>,
+    /// What a foreign motion does not say.
+    #[command(flatten)]
+    pub foreign: MotionSourceArgs,
+    /// Frames of a generated motion.
+    #[arg(long, default_value_t = 300)]
+    pub frames: usize,
+}
+
+/// `view`.
+#[derive(Debug, Args)]
+pub struct ViewArgs {
+    /// The bundle folder.
+    pub bundle: PathBuf,
+    /// Motions of the page.
+    #[command(flatten)]
+    pub motions: PageMotionArgs,
+    /// Where it is served on this machine; 0 takes any port that is free.
+    #[arg(long, default_value_t = 4747)]
+    pub port: u16,
+    /// Do not open a browser.
+    #[arg(long)]
+    pub no_browser: bool,
 }
 
 /// `animate`.

@@ -8,6 +8,7 @@ use softtissue_export::ExportError;
 use softtissue_fit::FitError;
 use softtissue_import::ImportError;
 use softtissue_model::ModelError;
+use softtissue_page::PageError;
 use softtissue_store::StoreError;
 use softtissue_synth::SynthError;
 use softtissue_train::TrainError;
@@ -75,6 +76,7 @@ fn of_cause(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
         .or_else(|| cause.downcast_ref().map(of_model))
         .or_else(|| cause.downcast_ref().map(of_eval))
         .or_else(|| cause.downcast_ref().map(of_export))
+        .or_else(|| cause.downcast_ref().map(of_page))
 }
 
 fn of_synth(error: &SynthError) -> Exit {
@@ -145,6 +147,15 @@ fn of_export(error: &ExportError) -> Exit {
         ExportError::Target { .. } => Exit::Usage,
         ExportError::Animation { .. } | ExportError::Model { .. } => Exit::BadInput,
         ExportError::Stopped => Exit::Interrupted,
+    }
+}
+
+fn of_page(error: &PageError) -> Exit {
+    match error {
+        PageError::Store(e) => of_store(e),
+        PageError::Bundle(e) => of_bundle(e),
+        PageError::NoPlayer | PageError::Port { .. } => Exit::Usage,
+        PageError::Serving { .. } => Exit::Internal,
     }
 }
 

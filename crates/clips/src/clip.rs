@@ -63,6 +63,13 @@ impl MotionClip {
     }
     /// Writes the clip with where it came from, which `null` leaves out.
     pub fn write_with_provenance(&self, path: &Path, provenance: &serde_json::Value) -> Result<()> {
+        Ok(self.with_file(provenance, |file| file.write(path))?)
+    }
+    /// The bytes of its file.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.with_file(&serde_json::Value::Null, |file| file.to_bytes())
+    }
+    fn with_file<T>(&self, provenance: &serde_json::Value, then: impl FnOnce(&TensorFileWriter) -> T) -> T {
         assert_eq!(self.rotations.len(), self.translations.len(), "frames of a motion");
         let rotations = self.rotations.to_numbers();
         let translations: Vec<f32> = self.translations.iter().flat_map(|p| p.to_array()).collect();
@@ -72,7 +79,7 @@ impl MotionClip {
         }
         file.f32("rotations", &[self.len(), self.rotations.points_per_frame(), 3], &rotations);
         file.f32("translations", &[self.len(), 3], &translations);
-        Ok(file.write(path)?)
+        then(&file)
     }
     /// Reads and checks a clip: finite numbers, equal frame counts, a positive rate.
     pub fn read(path: &Path) -> Result<Self> {

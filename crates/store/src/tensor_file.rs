@@ -4,7 +4,7 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -112,6 +112,16 @@ impl<'a> TensorFileWriter<'a> {
     }
     /// Writes the file atomically.
     pub fn write(&self, path: &Path) -> Result<()> {
+        write_atomic(path, |w| self.write_to(w))
+    }
+    /// The file's bytes.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        self.write_to(&mut bytes).expect("memory takes everything");
+        bytes
+    }
+
+    fn write_to(&self, w: &mut dyn Write) -> std::io::Result<()> {
         let mut header = serde_json::Map::new();
         if !self.meta.is_empty() {
             header.insert("__metadata__".into(), serde_json::json!(self.meta));
@@ -125,24 +135,22 @@ impl<'a> TensorFileWriter<'a> {
         }
         let mut text = serde_json::Value::Object(header).to_string().into_bytes();
         text.resize(text.len().next_multiple_of(8), b' ');
-        write_atomic(path, |w| {
-            w.write_all(&(text.len() as u64).to_le_bytes())?;
-            w.write_all(&text)?;
-            for (_, _, payload) in self.tensors.values() {
-                match payload {
-                    Payload::Bytes(bytes) => w.write_all(bytes)?,
-                    Payload::F32(data) => {
-                        let mut block = Vec::with_capacity(1 << 16);
-                        for chunk in data.chunks(1 << 14) {
-                            block.clear();
-                            block.extend(chunk.iter().flat_map(|x| x.to_le_bytes()));
-                            w.write_all(&block)?;
-                        }
+        w.write_all(&(text.len() as u64).to_le_bytes())?;
+        w.write_all(&text)?;
+        for (_, _, payload) in self.tensors.values() {
+            match payload {
+                Payload::Bytes(bytes) => w.write_all(bytes)?,
+                Payload::F32(data) => {
+                    let mut block = Vec::with_capacity(1 << 16);
+                    for chunk in data.chunks(1 << 14) {
+                        block.clear();
+                        block.extend(chunk.iter().flat_map(|x| x.to_le_bytes()));
+                        w.write_all(&block)?;
                     }
                 }
             }
-            Ok(())
-        })
+        }
+        Ok(())
     }
 }
 

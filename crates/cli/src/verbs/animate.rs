@@ -1,25 +1,20 @@
 //! `animate`: a bundle and a motion to an animated mesh.
 
 use crate::args::AnimateArgs;
-use crate::exit::{InputError, UsageError};
+use crate::exit::UsageError;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::animation_format::Format;
 use crate::verbs::body_shape;
 use crate::verbs::contact_sheet::ContactSheet;
 use crate::verbs::controls::{controls, rest_mesh};
-use crate::verbs::foreign_motion::moved;
+use crate::verbs::motion::{Wanted, motion};
 use anyhow::Result;
 use softtissue_bundle::{Bundle, BundleError, Controls, Player};
 use softtissue_clips::MotionClip;
 use softtissue_geometry::Frames;
-use softtissue_import::motion::{is_motion_file, resample};
 use softtissue_monitor::Monitor;
-use softtissue_synth::motion::{Request, Style, generate};
-use std::path::Path;
 
-/// What a motion is generated with where only its name is given.
-const GENERATOR_SEED: u64 = 1;
 /// Largest gain that is not a slip of the finger.
 const LARGEST_GAIN: f32 = 100.0;
 
@@ -45,7 +40,8 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     let mut player = Player::new(&bundle, &flesh)?;
     player.set_controls(&controls(args, &bundle.body)?).map_err(asked)?;
     player.show_on(shown).map_err(asked)?;
-    let motion = motion(args, &bundle, &beta, &terminal)?;
+    let wanted = Wanted { name: &args.motion, foreign: &args.foreign, frames: args.frames };
+    let motion = motion(&wanted, &bundle, &beta, &terminal)?;
     let frames = play(&mut player, &motion, &terminal)?;
     let Some(format) = format else {
         player.set_controls(&Controls::gain(0.0))?;
@@ -68,35 +64,6 @@ fn say_where_it_lies(bundle: &Bundle, beta: &[f32], monitor: &dyn Monitor) {
              flesh moves like theirs at the nearer end"
         ));
     }
-}
-
-fn motion(args: &AnimateArgs, bundle: &Bundle, beta: &[f32], monitor: &dyn Monitor) -> Result<MotionClip> {
-    let fps = bundle.descriptor.fps;
-    if let Some(name) = args.motion.strip_prefix("synth:") {
-        if !(2..=36_000).contains(&args.frames) {
-            return Err(UsageError(format!("--frames is {}; write 2 to 36000", args.frames)).into());
-        }
-        let request =
-            Request { subject: "anybody", motion: name, take: 0, frames: args.frames, fps, seed: GENERATOR_SEED };
-        return Ok(generate(&request, &bundle.body.shaped(beta), &Style::neutral())?);
-    }
-    let path = Path::new(&args.motion);
-    if is_motion_file(path) {
-        let read = args.foreign.read(path)?;
-        let moved = moved(path, &read, &bundle.body, &bundle.body.shaped(beta), Some(fps))?;
-        monitor.say(&moved.line);
-        return Ok(moved.clip);
-    }
-    let clip = MotionClip::read(path)?;
-    let (found, expected) = (clip.rotations.points_per_frame(), bundle.body.joint_count());
-    if found != expected {
-        let message = format!("{}: {found} joints, but the bundle's body has {expected}; retarget it", path.display());
-        return Err(InputError(message).into());
-    }
-    if clip.fps != fps {
-        monitor.say(&format!("{}: {} frames a second, resampled to {fps}", path.display(), clip.fps));
-    }
-    Ok(resample(&clip, fps, path)?)
 }
 
 /// Posed vertices `[T, V]` of a whole motion.

@@ -12,8 +12,11 @@ pub mod fit;
 mod foreign_motion;
 pub mod import;
 pub mod inspect;
+mod motion;
+mod page;
 pub mod synth;
 pub mod train;
+pub mod view;
 
 use crate::args::Settings;
 use std::path::PathBuf;

@@ -38,9 +38,13 @@ enum Block {
 /// # Errors
 /// Names the line and what is wrong with it.
 pub fn read_bvh(path: &Path, config: &MotionConfig) -> Result<ForeignMotion> {
-    let bytes = read_limited(path, config.limits.file_bytes)?;
-    let content = String::from_utf8_lossy(&bytes);
-    let mut text = Text::new(path, &content);
+    parse_bvh(path, &read_limited(path, config.limits.file_bytes)?, config)
+}
+
+/// The same of a file's bytes; `name` stands in messages.
+pub(super) fn parse_bvh(name: &Path, bytes: &[u8], config: &MotionConfig) -> Result<ForeignMotion> {
+    let content = String::from_utf8_lossy(bytes);
+    let mut text = Text::new(name, &content);
     let hierarchy = Hierarchy::read(&mut text, &config.limits)?;
     frames(&mut text, hierarchy, config)
 }

@@ -27,7 +27,7 @@ pub use foreign::{ForeignMotion, ForeignPose, ForeignSkeleton};
 pub use guess::{MotionUnits, UpAxis};
 pub use person::{Arm, Leg, Naming, Person};
 pub use problems::examine;
-pub use read::{MotionFacts, ReadMotion, is_motion_file, read_motion};
+pub use read::{MotionFacts, ReadMotion, is_motion_file, read_bvh_bytes, read_motion};
 pub use resample::resample;
 pub use retarget::{Retargeted, retarget};
 

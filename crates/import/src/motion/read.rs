@@ -1,6 +1,6 @@
 use super::amass::read_amass;
 use super::amc::read_amc;
-use super::bvh::read_bvh;
+use super::bvh::{parse_bvh, read_bvh};
 use super::cmu_wrists;
 use super::foreign::ForeignMotion;
 use super::guess::{MotionUnits, UpAxis, guess_units, guess_up};
@@ -104,13 +104,36 @@ struct Raw {
 /// # Errors
 /// Names the file, the place in it, and what is wrong.
 pub fn read_motion(path: &Path, config: &MotionConfig) -> Result<ReadMotion> {
+    check(path, config)?;
+    understand(path, read_raw(path, config)?, config)
+}
+
+/// The same of a BVH file that lies in memory; `name` stands in messages.
+///
+/// # Errors
+/// As [`read_motion`].
+pub fn read_bvh_bytes(name: &Path, bytes: &[u8], config: &MotionConfig) -> Result<ReadMotion> {
+    check(name, config)?;
+    let limit = config.limits.file_bytes;
+    if bytes.len() as u64 > limit {
+        return Err(ImportError::file(name, format!("more than {limit} bytes")));
+    }
+    let motion = parse_bvh(name, bytes, config)?;
+    let (metres, up, skeleton) = (None, None, None);
+    understand(name, Raw { format: "BVH", motion, metres, up, skeleton, rate_guessed: false }, config)
+}
+
+fn check(path: &Path, config: &MotionConfig) -> Result<()> {
     if let Some(fps) = config.fps.filter(|fps| !(*fps > 0.0 && *fps <= 1000.0)) {
         return Err(ImportError::file(path, format!("a rate of {fps} is not between 0 and 1000 frames a second")));
     }
     if let Some(units) = config.units_m.filter(|u| !(*u >= 1e-6 && *u <= 1e3)) {
         return Err(ImportError::file(path, format!("a unit of {units} m is none; state --units")));
     }
-    let mut raw = read_raw(path, config)?;
+    Ok(())
+}
+
+fn understand(path: &Path, mut raw: Raw, config: &MotionConfig) -> Result<ReadMotion> {
     let mut notes = Vec::new();
     if cmu_wrists::mend(&mut raw.motion) {
         notes.push("wrists put right, whose axes these files exchange".to_owned());
