@@ -199,7 +199,7 @@ class Page {
   resetCamera() {
     const [x, , z] = this.motion.translations, tall = this.facts.height[0], { clientWidth, clientHeight } = at("view");
     // Far enough for head and feet, and for arms that are spread out in a narrow picture.
-    const far = Math.min(3.6, Math.max(2.55, (1.75 * clientHeight) / (clientWidth / 2)));
+    const far = Math.min(3.6, Math.max(2.75, (1.75 * clientHeight) / (clientWidth / 2)));
     this.camera = { target: [x, this.floor + 0.5 * tall, z], floor: this.floor, distance: far * tall, yaw: 0.5, pitch: 0.12 };
     this.changed = true;
   }
