@@ -11,6 +11,8 @@ use std::path::Path;
 pub const FORMAT_VERSION: u64 = 3;
 /// First word of every manifest.
 const FORMAT: &str = "softtissue-bundle";
+/// First word of another kind of model, which is no bundle.
+const AVATAR_FORMAT: &str = "softtissue-avatar";
 /// Largest manifest.
 const MANIFEST_BYTES: u64 = 16 << 20;
 
@@ -206,6 +208,12 @@ impl Manifest {
     pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
         let broken = |e: serde_json::Error| StoreError::corrupt(path, format!("{e}; export the bundle again"));
         let head: Head = serde_json::from_slice(bytes).map_err(broken)?;
+        if head.format == AVATAR_FORMAT {
+            return Err(BundleError::refused(
+                path,
+                "it is an AutoAvatar, a neural field that no real-time player runs; play it with `softtissue animate`",
+            ));
+        }
         if head.format != FORMAT {
             return Err(BundleError::refused(
                 path,

@@ -5,6 +5,7 @@ mod softsmpl;
 pub use softsmpl::SoftsmplConfig;
 
 use serde::{Deserialize, Serialize};
+use softtissue_avatar::AvatarConfig;
 use softtissue_bundle::descriptor::DescriptorConfig;
 use softtissue_clips::{ClipId, Split, SplitConfig};
 use softtissue_fit::{FitConfig, RegistrationConfig};
@@ -49,6 +50,8 @@ pub struct Config {
     pub casas_otaduy: CasasOtaduyConfig,
     /// Dyna.
     pub dyna: DynaConfig,
+    /// AutoAvatar.
+    pub autoavatar: AvatarConfig,
     /// The loop that drives every training.
     pub train: LoopConfig,
     /// What is measured.
@@ -68,6 +71,8 @@ pub enum Method {
     CasasOtaduy,
     /// Dyna (Pons-Moll et al. 2015), on vertices.
     Dyna,
+    /// AutoAvatar (Bai et al. 2022): one person's surface as a neural field, from raw scans.
+    Autoavatar,
 }
 
 impl Method {
@@ -78,6 +83,7 @@ impl Method {
             Self::Softsmpl => "softsmpl",
             Self::CasasOtaduy => "casas-otaduy",
             Self::Dyna => "dyna",
+            Self::Autoavatar => "autoavatar",
         }
     }
 }
@@ -175,6 +181,7 @@ impl Default for Config {
             softsmpl: SoftsmplConfig::default(),
             casas_otaduy: CasasOtaduyConfig::default(),
             dyna: DynaConfig::default(),
+            autoavatar: AvatarConfig::default(),
             train: LoopConfig::default(),
             eval: EvalConfig::default(),
         }
@@ -235,6 +242,7 @@ impl Config {
         self.softsmpl.check()?;
         self.check_casas_otaduy()?;
         self.dyna.check().map_err(|e| e.to_string())?;
+        self.autoavatar.check().map_err(|e| e.to_string())?;
         let most = 3600.0;
         within("eval.bounded_seconds", f64::from(self.eval.bounded_seconds), 0.0..=most)
     }
@@ -384,6 +392,7 @@ impl Config {
             Method::Softsmpl => self.softsmpl.ablation(),
             Method::CasasOtaduy => (!self.casas_otaduy.regressor.weighted).then_some("unweighted"),
             Method::Dyna => (self.dyna.order == 0).then_some("zero-order"),
+            Method::Autoavatar => None,
         };
         let own = self.method.name();
         let name = part.map_or_else(|| own.to_owned(), |part| format!("{own}/{part}"));

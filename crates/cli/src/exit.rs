@@ -1,5 +1,6 @@
 //! Which exit code an error ends with.
 
+use softtissue_avatar::AvatarError;
 use softtissue_body::BodyError;
 use softtissue_bundle::BundleError;
 use softtissue_clips::ClipError;
@@ -77,6 +78,7 @@ fn of_cause(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
         .or_else(|| cause.downcast_ref().map(of_eval))
         .or_else(|| cause.downcast_ref().map(of_export))
         .or_else(|| cause.downcast_ref().map(of_page))
+        .or_else(|| cause.downcast_ref().map(of_avatar))
 }
 
 fn of_synth(error: &SynthError) -> Exit {
@@ -156,6 +158,17 @@ fn of_page(error: &PageError) -> Exit {
         PageError::Bundle(e) => of_bundle(e),
         PageError::NoPlayer | PageError::Port { .. } => Exit::Usage,
         PageError::Serving { .. } => Exit::Internal,
+    }
+}
+
+fn of_avatar(error: &AvatarError) -> Exit {
+    match error {
+        AvatarError::Store(e) => of_store(e),
+        AvatarError::Clip(e) => of_clip(e),
+        AvatarError::Train(e) => of_train(e),
+        AvatarError::Config(_) => Exit::Usage,
+        AvatarError::Data(_) => Exit::BadInput,
+        AvatarError::Stopped => Exit::Interrupted,
     }
 }
 

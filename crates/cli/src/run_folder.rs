@@ -91,6 +91,10 @@ impl RunFolder {
     pub fn bundle(&self) -> PathBuf {
         self.root.join("bundle")
     }
+    /// An AutoAvatar, which is no bundle.
+    pub fn avatar(&self) -> PathBuf {
+        self.root.join("avatar")
+    }
     /// The report.
     pub fn report(&self) -> PathBuf {
         self.root.join(REPORT_FILE)

@@ -1,19 +1,20 @@
 //! From names, files and `--set` to one checked [`Config`].
 
 use crate::args::Settings;
-use crate::config::Config;
+use crate::config::{Config, Method};
 use crate::exit::{InputError, UsageError};
 use anyhow::{Context, Result};
 use std::path::Path;
 use toml::{Table, Value};
 
 /// The configurations that travel inside the program, by name. A file states only what differs from the default.
-pub const EMBEDDED: [(&str, &str); 5] = [
+pub const EMBEDDED: [(&str, &str); 6] = [
     ("quick", include_str!("../../../configs/quick.toml")),
     ("smoke", include_str!("../../../configs/smoke.toml")),
     ("full", include_str!("../../../configs/full.toml")),
     ("softsmpl-paper", include_str!("../../../configs/softsmpl-paper.toml")),
     ("casas-otaduy-paper", include_str!("../../../configs/casas-otaduy-paper.toml")),
+    ("autoavatar-full", include_str!("../../../configs/autoavatar-full.toml")),
 ];
 
 /// A configuration file may be this long.
@@ -62,6 +63,10 @@ pub fn resolve(settings: &Settings) -> Result<Resolved> {
     }
     if let Some(device) = &settings.device {
         config.device.clone_from(device);
+    }
+    if config.method == Method::Autoavatar && config.synth.scanner.raw_points == 0 {
+        // it learns from nothing else
+        config.synth.scanner.raw_points = config.autoavatar.raw_points;
     }
     config.check().map_err(|reason| usage(format!("{wanted}: {reason}")))?;
     Ok(Resolved { name, config, licence_stated })

@@ -12,7 +12,7 @@ mod usd;
 pub use animation::{Animation, Uv};
 pub use error::ExportError;
 pub use gltf::{GltfConfig, GltfReport, write_gltf};
-pub use obj::write_obj_sequence;
+pub use obj::{ObjFolder, SurfaceFrame, write_obj_sequence};
 pub use onnx::{OnnxForm, write_onnx};
 pub use point_cache::{PointCache, write_point_cache};
 pub use usd::write_usd;

@@ -9,10 +9,8 @@ use std::path::{Path, PathBuf};
 /// reader takes an older, longer sequence for this one.
 pub fn write_obj_sequence(dir: &Path, animation: &Animation, monitor: &dyn Monitor) -> Result<Vec<PathBuf>> {
     animation.check()?;
-    create_dir(dir)?;
     let frames = animation.vertices.len();
-    let paths: Vec<PathBuf> = (0..frames).map(|t| dir.join(format!("frame_{t:05}.obj"))).collect();
-    refuse_other_frames(dir, &paths)?;
+    let paths = ObjFolder::create(dir, frames)?.paths;
     let faces = faces(animation);
     monitor.begin("OBJ sequence", frames as u64, "frames");
     for (path, frame) in paths.iter().zip(animation.vertices.iter()) {
@@ -24,6 +22,60 @@ pub fn write_obj_sequence(dir: &Path, animation: &Animation, monitor: &dyn Monit
     }
     monitor.end();
     Ok(paths)
+}
+
+/// A folder of one OBJ a frame, whose meshes need not share a topology.
+pub struct ObjFolder {
+    paths: Vec<PathBuf>,
+}
+
+/// A mesh with normals, metres, Y up.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceFrame<'a> {
+    /// Whose surface, for the file's first line.
+    pub name: &'a str,
+    /// Frames a second.
+    pub fps: f32,
+    /// `[V]`.
+    pub positions: &'a [Vec3],
+    /// `[V]`, unit length.
+    pub normals: &'a [Vec3],
+    /// `[F, 3]`.
+    pub faces: &'a [[u32; 3]],
+}
+
+impl ObjFolder {
+    /// Takes a folder for `frames` files, `frame_00000.obj` and so on.
+    ///
+    /// # Errors
+    /// The disk, or a folder that holds frames past the last one.
+    pub fn create(dir: &Path, frames: usize) -> Result<Self> {
+        create_dir(dir)?;
+        let paths: Vec<PathBuf> = (0..frames).map(|t| dir.join(format!("frame_{t:05}.obj"))).collect();
+        refuse_other_frames(dir, &paths)?;
+        Ok(Self { paths })
+    }
+
+    /// Writes frame `t`.
+    ///
+    /// # Errors
+    /// The disk, or a frame that the folder was not made for.
+    pub fn write(&self, t: usize, frame: &SurfaceFrame) -> Result<()> {
+        let Some(path) = self.paths.get(t) else {
+            return Err(ExportError::Animation {
+                reason: format!("frame {t} of a folder for {} frames", self.paths.len()),
+            });
+        };
+        Ok(write_atomic(path, |w| {
+            writeln!(w, "# {} at {} frames a second, metres, Y up", one_line(frame.name), frame.fps)?;
+            frame.positions.iter().try_for_each(|p| writeln!(w, "v {} {} {}", p.x, p.y, p.z))?;
+            frame.normals.iter().try_for_each(|n| writeln!(w, "vn {} {} {}", n.x, n.y, n.z))?;
+            frame.faces.iter().try_for_each(|f| {
+                let [a, b, c] = f.map(|i| i + 1);
+                writeln!(w, "f {a}//{a} {b}//{b} {c}//{c}")
+            })
+        })?)
+    }
 }
 
 /// The first frame as an OBJ file.

@@ -56,13 +56,18 @@ pub enum TrainError {
 }
 
 /// The setting that holds a stage's learning rate: `subspace.training.learning_rate` for `fold/subspace-25`,
-/// `casas_otaduy.regressor.learning_rate` for `casas-otaduy/s00/regressor`.
+/// `casas_otaduy.regressor.learning_rate` for `casas-otaduy/s00/regressor`, `autoavatar.teacher.learning_rate` for
+/// `autoavatar/pose/teacher`.
 fn rate_key(stage: &str) -> String {
     let name = stage.rsplit('/').next().unwrap_or(stage);
     let part = name.split('-').next().unwrap_or(name);
-    match stage.split('/').any(|folder| folder == "casas-otaduy") {
-        true => format!("casas_otaduy.{part}.learning_rate"),
-        false => format!("{part}.training.learning_rate"),
+    let within = |section: &str| stage.split('/').any(|folder| folder == section);
+    if within("casas-otaduy") {
+        format!("casas_otaduy.{part}.learning_rate")
+    } else if within("autoavatar") {
+        format!("autoavatar.{part}.learning_rate")
+    } else {
+        format!("{part}.training.learning_rate")
     }
 }
 
@@ -77,6 +82,8 @@ mod tests {
         assert!(diverged("a.b/subspace-25").to_string().contains("lower subspace.training.learning_rate"));
         let personal = diverged("fold/casas-otaduy/s00/autoencoder-50").to_string();
         assert!(personal.contains("lower casas_otaduy.autoencoder.learning_rate"), "{personal}");
+        let avatar = diverged("autoavatar/pose/teacher").to_string();
+        assert!(avatar.contains("lower autoavatar.teacher.learning_rate"), "{avatar}");
         assert!(diverged("regressor").to_string().contains("lower regressor.training.learning_rate"));
     }
 }

@@ -10,7 +10,7 @@ use super::motions::{descriptor, training_clips};
 use super::softsmpl::learn_softsmpl;
 use super::softtissue::learn_softtissue;
 use crate::config::Method;
-use crate::exit::InputError;
+use crate::exit::{InputError, UsageError};
 use anyhow::{Context as _, Result};
 use serde_json::json;
 use softtissue_body::BodyModel;
@@ -108,6 +108,10 @@ pub fn learn(
         Method::Softsmpl => learn_softsmpl(context, place, &material)?,
         Method::CasasOtaduy => learn_casas_otaduy(context, place, &material)?,
         Method::Dyna => learn_dyna(context, place, &material)?,
+        Method::Autoavatar => {
+            let message = "autoavatar learns no deltas and has no bundle; judge its run by itself, without a protocol";
+            return Err(UsageError(message.into()).into());
+        }
     };
     let bundle = context.timed(&place.stage("bundle"), || ship(context, place, &material, &learned, bundle_dir))?;
     let ablation = |(part, model): (&str, Model)| BundleMethod {

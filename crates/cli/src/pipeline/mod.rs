@@ -1,6 +1,7 @@
 //! The stages of the main job, each from files to files: body, scans, fit, basis, subspaces, regressor, ladder,
 //! bundle, judgement.
 
+mod avatar;
 mod basis;
 mod body;
 mod bundle;
@@ -24,6 +25,7 @@ mod softsmpl;
 mod softtissue;
 mod subspaces;
 
+pub use avatar::{AvatarFigures, judge_avatars, open_raw, train_avatar};
 pub use body::load_body;
 pub use bundle::BundleMethod;
 pub use context::Context;

@@ -5,11 +5,14 @@ use crate::exit::UsageError;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::animation_format::Format;
+use crate::verbs::avatar;
 use crate::verbs::body_shape;
 use crate::verbs::contact_sheet::ContactSheet;
 use crate::verbs::controls::{controls, rest_mesh};
 use crate::verbs::motion::{Wanted, motion};
 use anyhow::Result;
+use serde_json::json;
+use softtissue_avatar::AvatarModel;
 use softtissue_bundle::{Bundle, BundleError, Controls, Player};
 use softtissue_clips::MotionClip;
 use softtissue_geometry::Frames;
@@ -26,6 +29,9 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     }
     let is_picture = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
     let format = if is_picture { None } else { Some(Format::of(&args.out)?) };
+    if AvatarModel::is_at(&args.bundle) {
+        return avatar::animate(args, format, &terminal);
+    }
     let bundle = Bundle::read(&args.bundle)?;
     let beta = body_shape::of(&args.body, &bundle)?;
     let flesh = match &args.flesh {
@@ -41,7 +47,7 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     player.set_controls(&controls(args, &bundle.body)?).map_err(asked)?;
     player.show_on(shown).map_err(asked)?;
     let wanted = Wanted { name: &args.motion, foreign: &args.foreign, frames: args.frames };
-    let motion = motion(&wanted, &bundle, &beta, &terminal)?;
+    let motion = motion(&wanted, &bundle.body, &beta, bundle.descriptor.fps, &terminal)?;
     let frames = play(&mut player, &motion, &terminal)?;
     let Some(format) = format else {
         player.set_controls(&Controls::gain(0.0))?;
@@ -51,7 +57,8 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
         return Ok(());
     };
     let name = args.bundle.file_name().map_or_else(|| "softtissue".into(), |n| n.to_string_lossy().into_owned());
-    format.write(&args.out, &name, &bundle, &frames, motion.fps, &terminal)
+    let extras = json!({"licence": bundle.info.licence, "provenance": bundle.info.provenance});
+    format.write(&args.out, &name, &bundle.body, &extras, &frames, motion.fps, &terminal)
 }
 
 /// Whom a mixture of people does not reach, it cannot move.

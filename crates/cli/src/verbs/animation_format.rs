@@ -3,7 +3,6 @@
 use crate::exit::UsageError;
 use anyhow::Result;
 use softtissue_body::BodyModel;
-use softtissue_bundle::Bundle;
 use softtissue_export::{
     Animation, GltfConfig, PointCache, Uv, write_gltf, write_obj_sequence, write_point_cache, write_usd,
 };
@@ -46,19 +45,20 @@ impl Format {
     }
 
     /// Writes posed vertices `[T, V]`, metres, and prints what was written.
+    #[expect(clippy::too_many_arguments, reason = "what is written, and where to")]
     pub fn write(
         self,
         out: &Path,
         name: &str,
-        bundle: &Bundle,
+        body: &BodyModel,
+        extras: &serde_json::Value,
         vertices: &Frames,
         fps: f32,
         monitor: &dyn Monitor,
     ) -> Result<()> {
-        let extras = serde_json::json!({"licence": bundle.info.licence, "provenance": bundle.info.provenance});
-        let BodyModel { topology, uv, .. } = &bundle.body;
+        let BodyModel { topology, uv, .. } = body;
         let uv = (!uv.faces.is_empty()).then_some(Uv { coordinates: &uv.coordinates, faces: &uv.faces });
-        let animation = Animation { name, topology, uv, fps, vertices, extras: &extras };
+        let animation = Animation { name, topology, uv, fps, vertices, extras };
         let (place, frames) = (out.display(), vertices.len());
         let line = match self {
             Self::Gltf => {

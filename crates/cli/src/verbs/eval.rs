@@ -1,6 +1,7 @@
 //! `eval`: judges a run, or a protocol that trains again without what it judges.
 
 use crate::args::{EvalArgs, Protocol};
+use crate::config::Method;
 use crate::exit::{InputError, UsageError};
 use crate::pipeline::{
     BundleMethod, Context, Learned, Opened, Prepared, fold, heaviest, import_or_open, learn, load_body,
@@ -10,6 +11,7 @@ use crate::run_folder::RunFolder;
 use crate::settings::stored;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
+use crate::verbs::avatar;
 use crate::verbs::train::{Provenance, finish};
 use anyhow::Result;
 use softtissue_eval::protocol::{Fold, FoldChoice, dyna_cases, leave_one_sequence_out, leave_one_subject_out};
@@ -25,6 +27,10 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
     if !path.exists() {
         return Err(InputError(format!("{} holds no run: train first", args.run.display())).into());
     }
+    let mut config = stored(&path)?;
+    if config.method == Method::Autoavatar {
+        return avatar::eval(args, &config, signals);
+    }
     let bundle = args.run.join("bundle").join("manifest.json");
     if !bundle.exists() {
         let message =
@@ -36,7 +42,6 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
             "--against and --on judge finished bundles, which saw what a fold leaves out; leave --protocol out";
         return Err(UsageError(message.into()).into());
     }
-    let mut config = stored(&path)?;
     if args.protocol != Protocol::HeldOut {
         // a fold is judged by its deltas alone, so it needs the one subspace that they come from
         config.subspace.sizes = vec![config.regressor.latents];

@@ -2,6 +2,7 @@
 
 pub mod animate;
 mod animation_format;
+pub mod avatar;
 mod body_shape;
 pub mod config;
 mod contact_sheet;

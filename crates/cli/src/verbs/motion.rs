@@ -4,7 +4,7 @@ use crate::args::MotionSourceArgs;
 use crate::exit::{InputError, UsageError};
 use crate::verbs::foreign_motion::moved;
 use anyhow::Result;
-use softtissue_bundle::Bundle;
+use softtissue_body::BodyModel;
 use softtissue_clips::MotionClip;
 use softtissue_import::motion::{is_motion_file, resample};
 use softtissue_monitor::Monitor;
@@ -24,28 +24,33 @@ pub struct Wanted<'a> {
     pub frames: usize,
 }
 
-/// The motion on a body of shape `beta`, at the bundle's rate.
-pub fn motion(wanted: &Wanted, bundle: &Bundle, beta: &[f32], monitor: &dyn Monitor) -> Result<MotionClip> {
-    let fps = bundle.descriptor.fps;
+/// The motion on a body of shape `beta`, at `fps` frames a second.
+pub fn motion(
+    wanted: &Wanted,
+    body: &BodyModel,
+    beta: &[f32],
+    fps: f32,
+    monitor: &dyn Monitor,
+) -> Result<MotionClip> {
     if let Some(name) = wanted.name.strip_prefix("synth:") {
         if !(2..=36_000).contains(&wanted.frames) {
             return Err(UsageError(format!("--frames is {}; write 2 to 36000", wanted.frames)).into());
         }
         let request =
             Request { subject: "anybody", motion: name, take: 0, frames: wanted.frames, fps, seed: GENERATOR_SEED };
-        return Ok(generate(&request, &bundle.body.shaped(beta), &Style::neutral())?);
+        return Ok(generate(&request, &body.shaped(beta), &Style::neutral())?);
     }
     let path = Path::new(wanted.name);
     if is_motion_file(path) {
         let read = wanted.foreign.read(path)?;
-        let moved = moved(path, &read, &bundle.body, &bundle.body.shaped(beta), Some(fps))?;
+        let moved = moved(path, &read, body, &body.shaped(beta), Some(fps))?;
         monitor.say(&moved.line);
         return Ok(moved.clip);
     }
     let clip = MotionClip::read(path)?;
-    let (found, expected) = (clip.rotations.points_per_frame(), bundle.body.joint_count());
+    let (found, expected) = (clip.rotations.points_per_frame(), body.joint_count());
     if found != expected {
-        let message = format!("{}: {found} joints, but the bundle's body has {expected}; retarget it", path.display());
+        let message = format!("{}: {found} joints, but the body has {expected}; retarget it", path.display());
         return Err(InputError(message).into());
     }
     if clip.fps != fps {

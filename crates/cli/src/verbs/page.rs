@@ -31,7 +31,7 @@ pub fn site(bundle: &Path, motions: &PageMotionArgs, monitor: &dyn Monitor) -> R
     };
     let on_the_body = |name| {
         let wanted = Wanted { name, foreign: &motions.foreign, frames: motions.frames };
-        motion(&wanted, &read, &vec![0.0; read.body.shape_count()], monitor)
+        motion(&wanted, &read.body, &vec![0.0; read.body.shape_count()], read.descriptor.fps, monitor)
     };
     let clips = names.into_iter().map(on_the_body).collect::<Result<Vec<MotionClip>>>()?;
     Ok(Site::new(&title(bundle), &read, &files, &clips, player)?)

@@ -11,7 +11,7 @@ use crate::run_folder::{METRICS_FILE, REPORT_FILE, RunFolder};
 use crate::settings::{Resolved, resolve, stored};
 use crate::signals::Signals;
 use crate::terminal::Terminal;
-use crate::verbs::data_dir;
+use crate::verbs::{avatar, data_dir};
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -79,6 +79,9 @@ pub fn run(args: &TrainArgs, signals: &Signals) -> Result<()> {
     keep(provenance.data.is_some())?;
 
     let job = prepare(&context, opened)?;
+    if config.method == Method::Autoavatar {
+        return avatar::train(&context, &job, provenance.data.as_deref(), !args.no_eval, args.json);
+    }
     let learned = learn(&context, &job.place, &job.body, &job.fit, &job.split, &folder.bundle())?;
     if args.no_eval {
         crate::print_line(&format!("bundle: {}", folder.bundle().display()));
@@ -204,6 +207,11 @@ fn method_plan(config: &Config) -> String {
         Method::Dyna => {
             let own = &config.dyna;
             format!("order {}, at most {} components, tau {}", own.order, own.components, own.tau)
+        }
+        Method::Autoavatar => {
+            let own = &config.autoavatar;
+            let names: Vec<&str> = own.networks.iter().map(|n| n.name()).collect();
+            format!("networks: {}; {} + {} steps each", names.join(", "), own.teacher.steps, own.rollout.steps)
         }
     }
 }

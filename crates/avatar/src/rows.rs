@@ -1,0 +1,45 @@
+use crate::layer::{indices, tensor};
+use burn::tensor::{Device, Int, Tensor};
+
+/// Rows that are weighted sums of a few rows of another table: how numbers at vertices come into the texels of an atlas
+/// and back.
+#[derive(Clone, Debug)]
+pub struct WeightedRows {
+    /// For each of the summands: its row `[N]` and its weight `[N, 1]`.
+    summands: Vec<(Tensor<1, Int>, Tensor<2>)>,
+}
+
+impl WeightedRows {
+    /// `N` rows of `width` summands: `rows [N, width]` and `weights [N, width]`.
+    ///
+    /// Panics if the two differ in length.
+    pub fn new(rows: &[u32], weights: &[f32], width: usize, device: &Device) -> Self {
+        assert!(width > 0 && rows.len() == weights.len() && rows.len().is_multiple_of(width), "weighted rows");
+        let summand = |k: usize| {
+            let rows: Vec<u32> = rows.iter().copied().skip(k).step_by(width).collect();
+            let weights = weights.iter().copied().skip(k).step_by(width).collect();
+            (indices(&rows, device), tensor(weights, [rows.len(), 1], device))
+        };
+        Self { summands: (0..width).map(summand).collect() }
+    }
+
+    /// `[M, C] -> [N, C]`.
+    pub fn apply(&self, table: Tensor<2>) -> Tensor<2> {
+        let terms = self.summands.iter().map(|(rows, weight)| table.clone().select(0, rows.clone()) * weight.clone());
+        terms.reduce(|a, b| a + b).expect("at least one summand")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use softtissue_model::host;
+
+    #[test]
+    fn rows_are_weighted_sums() {
+        let device = Device::flex();
+        let rows = WeightedRows::new(&[0, 2, 1, 1], &[0.25, 0.75, 0.0, 2.0], 2, &device);
+        let table = tensor(vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [3, 2], &device);
+        assert_eq!(host(rows.apply(table)), [4.0, 5.0, 6.0, 8.0]);
+    }
+}

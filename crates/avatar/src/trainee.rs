@@ -1,0 +1,277 @@
+use crate::avatar::{AvatarBody, AvatarField, Playback};
+use crate::clip::AvatarClip;
+use crate::config::Conditioning;
+use crate::layer::tensor;
+use crate::loss::{BatchShape, FieldLoss, field_loss};
+use crate::network::AvatarNetwork;
+use crate::{LossWeights, StageConfig};
+use burn::module::Module;
+use burn::tensor::Tensor;
+use glam::Vec3;
+use softtissue_implicit::{PointTree, Samples};
+use softtissue_model::host;
+use softtissue_random::Draws;
+use softtissue_train::{
+    Adam, AdamConfig, Clips, GradientMap, NamedArray, Stage, State, StepStats, TrainError, Trainee, cosine,
+    load_module, module_gradients, module_state,
+};
+use std::sync::Arc;
+
+/// Frames that validation rolls out from true heights, and windows that it looks at.
+const VALIDATION_ROLLOUT: usize = 4;
+const VALIDATION_WINDOWS: usize = 6;
+/// Scan points that validation looks at in a frame.
+const VALIDATION_POINTS: usize = 400;
+/// A gradient below this does not stretch a distance any more.
+const LEAST_GRADIENT: f32 = 0.1;
+
+/// Learns a network on single frames or short rollouts of one person's scans, batch 1 (sec. 3.4).
+pub struct AvatarTrainee {
+    config: StageConfig,
+    loss: LossWeights,
+    conditioning: Conditioning,
+    stage: Stage,
+    body: Arc<AvatarBody>,
+    network: AvatarNetwork,
+    adam: Adam,
+    clips: Arc<Clips<Vec<AvatarClip>>>,
+    /// Clip and first frame of every rollout that a step may draw.
+    starts: Vec<(usize, usize)>,
+    /// The same of validation.
+    windows: Vec<(usize, usize)>,
+}
+
+impl AvatarTrainee {
+    /// Trains `network`, which may be new or of the stage before.
+    ///
+    /// # Errors
+    /// No clip that is long enough.
+    pub fn new(
+        config: &StageConfig,
+        loss: &LossWeights,
+        conditioning: Conditioning,
+        stage: Stage,
+        body: Arc<AvatarBody>,
+        network: AvatarNetwork,
+        clips: Arc<Clips<Vec<AvatarClip>>>,
+    ) -> Result<Self, TrainError> {
+        let history = body.config.history;
+        let starts = starts(&clips.train, history, config.frames);
+        let windows = starts_apart(starts_of_validation(&clips, history), VALIDATION_WINDOWS);
+        if starts.is_empty() || windows.is_empty() {
+            return Err(TrainError::Config(format!(
+                "{}: no clip of this person has {} scans on end to train and to validate; leave fewer frames out",
+                stage.name,
+                history + config.frames.max(VALIDATION_ROLLOUT)
+            )));
+        }
+        Ok(Self {
+            config: config.clone(),
+            loss: loss.clone(),
+            conditioning,
+            stage,
+            body,
+            network,
+            adam: Adam::new(AdamConfig::default()),
+            clips,
+            starts,
+            windows,
+        })
+    }
+
+    /// The network with its training state.
+    pub fn into_network(self) -> AvatarNetwork {
+        self.network
+    }
+
+    /// The network of a stage that has yet to begin, on the stage's device with autodiff.
+    pub fn untrained(body: &AvatarBody, conditioning: Conditioning, stage: &Stage) -> AvatarNetwork {
+        let mut draws = Draws::new(stage.seed, &format!("{}/start", stage.name), 0, 0);
+        AvatarNetwork::new(&body.config, conditioning, body.joints, &mut draws, &stage.device.clone().autodiff())
+    }
+
+    /// The loss of one predicted frame, and its dynamic features.
+    fn frame(&self, clip: &AvatarClip, t: usize, heights: &[&[f32]], draws: &mut Draws) -> (FieldLoss, Tensor<2>) {
+        let device = &self.stage.device;
+        let input = self.body.input(self.conditioning, &clip.track, t, heights);
+        let features = self.body.features(&self.network, &input);
+        let scan = clip.scans[t].as_ref().expect("rollouts begin where all scans are there");
+        let Samples { mut surface, normals, near, within } = Samples::draw(scan, &self.config.sampling, draws);
+        let shape = BatchShape { surface: surface.len(), near: near.len(), within: within.len() };
+        surface.extend(near);
+        surface.extend(within);
+        let observers = &clip.observers[t];
+        let tree = PointTree::new(&observers.positions);
+        let queries = self.body.queries(&surface, &tree, observers, true, device);
+        let normals = normals.iter().flat_map(|n| n.to_array()).collect();
+        let normals = tensor(normals, [shape.surface, 3], device);
+        let field = self.network.field(features.clone(), &queries);
+        (field_loss(field, shape, normals, &self.loss), features)
+    }
+}
+
+fn starts(clips: &[AvatarClip], history: usize, length: usize) -> Vec<(usize, usize)> {
+    let of = |(c, clip): (usize, &AvatarClip)| clip.starts(history, length).into_iter().map(move |t| (c, t));
+    clips.iter().enumerate().flat_map(of).collect()
+}
+
+fn starts_of_validation(clips: &Clips<Vec<AvatarClip>>, history: usize) -> Vec<(usize, usize)> {
+    starts(&clips.validation, history, VALIDATION_ROLLOUT)
+}
+
+/// At most `count` of them, evenly spread.
+fn starts_apart(starts: Vec<(usize, usize)>, count: usize) -> Vec<(usize, usize)> {
+    let count = count.min(starts.len());
+    (0..count).map(|i| starts[(2 * i + 1) * starts.len() / (2 * count)]).collect()
+}
+
+/// Adds `from` to `into`.
+fn add(into: &mut GradientMap, from: GradientMap) {
+    for (name, gradient) in from {
+        match into.get_mut(&name) {
+            Some(sum) => sum.iter_mut().zip(gradient).for_each(|(a, b)| *a += b),
+            None => {
+                into.insert(name, gradient);
+            }
+        }
+    }
+}
+
+fn number(x: &Tensor<1>) -> f64 {
+    f64::from(host(x.clone())[0])
+}
+
+impl Trainee for AvatarTrainee {
+    fn step(&mut self, step: u64) -> Result<StepStats, TrainError> {
+        let learning_rate = cosine(self.config.learning_rate, step, self.config.steps, 0);
+        let mut draws = Draws::new(self.stage.seed, &self.stage.name, 0, step);
+        let (c, start) = self.starts[draws.below(self.starts.len())];
+        let clip = &self.clips.train[c];
+        let history = self.body.config.history;
+        let mut heights: Vec<Vec<f32>> = clip.history(start, history).to_vec();
+        let mut gradients = GradientMap::new();
+        let mut terms = [("surface_mm", 0.0), ("normal", 0.0), ("eikonal", 0.0), ("off_surface", 0.0)];
+        let mut total = 0.0;
+        let frames = self.config.frames;
+        for t in start..start + frames {
+            let seen: Vec<&[f32]> = heights[heights.len() - history..].iter().map(Vec::as_slice).collect();
+            let (loss, features) = self.frame(clip, t, &seen, &mut draws);
+            total += number(&loss.total) / frames as f64;
+            let parts = [&loss.surface, &loss.normal, &loss.eikonal, &loss.off_surface];
+            for ((term, part), scale) in terms.iter_mut().zip(parts).zip([1000.0, 1.0, 1.0, 1.0]) {
+                term.1 += scale * number(part) / frames as f64;
+            }
+            let mut found = loss.total.div_scalar(frames as f64).backward();
+            add(&mut gradients, module_gradients(&self.network, &mut found));
+            if t + 1 < start + frames {
+                // what it would see when playing; no gradient passes from frame to frame
+                let network = self.network.valid();
+                let field = AvatarField::new(&self.body, &network, features.inner(), &clip.observers[t]);
+                heights.push(field.heights());
+            }
+        }
+        self.network = self.adam.step(self.network.clone(), &gradients, learning_rate);
+        Ok(StepStats { loss: total, terms: terms.to_vec(), learning_rate })
+    }
+
+    /// Mean distance of scan points from the field's surface over rollouts of four frames from true heights, mm: the
+    /// field's value over the length of its gradient.
+    fn validate(&mut self) -> Result<f64, TrainError> {
+        let network = self.network.valid();
+        let history = self.body.config.history;
+        let (mut sum, mut count) = (0.0, 0usize);
+        for &(c, start) in &self.windows {
+            let clip = &self.clips.validation[c];
+            let play = Playback::new(&self.body, &network, self.conditioning, clip.history(start, history));
+            let mut play = play.map_err(|e| TrainError::Numeric(e.to_string()))?;
+            for t in start..start + VALIDATION_ROLLOUT {
+                let field = play.step(&clip.track, t, &clip.observers[t]);
+                let scan = clip.scans[t].as_ref().expect("windows begin where all scans are there");
+                let stride = scan.points().len().div_ceil(VALIDATION_POINTS);
+                let points: Vec<Vec3> = scan.points().iter().copied().step_by(stride).collect();
+                let (values, gradients) = field.with_gradients(&points);
+                let distances =
+                    values.iter().zip(&gradients).map(|(f, g)| f64::from(f.abs() / g.length().max(LEAST_GRADIENT)));
+                sum += distances.sum::<f64>();
+                count += points.len();
+            }
+        }
+        Ok(1000.0 * sum / count as f64)
+    }
+
+    fn state(&self) -> Vec<NamedArray> {
+        [module_state(&self.network), self.adam.state()].concat()
+    }
+
+    fn load_state(&mut self, state: &State) -> Result<(), TrainError> {
+        self.network = load_module(self.network.clone(), state)?;
+        self.adam.load_state(state)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::AvatarConfig;
+    use crate::checks::{ball, breathing};
+    use burn::tensor::Device;
+
+    fn stage(frames: usize, steps: u64) -> StageConfig {
+        let [_, rollout] = AvatarConfig::default().stages();
+        let sampling = softtissue_implicit::SampleConfig { surface: 60, near: 40, within: 20, ..rollout.sampling };
+        StageConfig { frames, steps, learning_rate: 3e-3, sampling, ..rollout }
+    }
+
+    fn trainee(conditioning: Conditioning, config: &StageConfig) -> AvatarTrainee {
+        let device = Device::flex();
+        let body = Arc::new(ball(&device));
+        let clips = Clips { train: vec![breathing(30, 0.0)], validation: vec![breathing(30, 1.7)] };
+        let stage = Stage { name: "autoavatar/test".into(), seed: 1, device };
+        let network = AvatarTrainee::untrained(&body, conditioning, &stage);
+        AvatarTrainee::new(config, &LossWeights::default(), conditioning, stage, body, network, Arc::new(clips))
+            .expect("clips that are long enough")
+    }
+
+    fn snapshot(trainee: &AvatarTrainee) -> State {
+        trainee.state().into_iter().map(|a| (a.name.clone(), a)).collect()
+    }
+
+    #[test]
+    fn a_resumed_stage_ends_in_the_same_bytes() {
+        let config = stage(2, 6);
+        let mut whole = trainee(Conditioning::Autoregressive, &config);
+        (0..4).for_each(|step| assert!(whole.step(step).expect("a step").loss.is_finite()));
+        let mut first = trainee(Conditioning::Autoregressive, &config);
+        (0..2).for_each(|step| drop(first.step(step).expect("a step")));
+        let mut second = trainee(Conditioning::Autoregressive, &config);
+        second.load_state(&snapshot(&first)).expect("its own state");
+        (2..4).for_each(|step| drop(second.step(step).expect("a step")));
+        assert_eq!(snapshot(&whole), snapshot(&second));
+    }
+
+    #[test]
+    fn heights_tell_what_a_pose_cannot() {
+        let errors = [Conditioning::Autoregressive, Conditioning::Pose].map(|conditioning| {
+            let mut trainee = trainee(conditioning, &stage(1, 150));
+            let before = trainee.validate().expect("a validation");
+            (0..150).for_each(|step| drop(trainee.step(step).expect("a step")));
+            (before, trainee.validate().expect("a validation"))
+        });
+        let [(before, autoregressive), (_, pose)] = errors;
+        assert!(autoregressive < 0.5 * before, "{errors:?}");
+        assert!(autoregressive < 0.8 * pose, "{errors:?}");
+    }
+
+    #[test]
+    fn too_short_clips_are_refused() {
+        let device = Device::flex();
+        let body = Arc::new(ball(&device));
+        let clips = Arc::new(Clips { train: vec![breathing(4, 0.0)], validation: vec![breathing(30, 0.0)] });
+        let stage_of = Stage { name: "autoavatar/test".into(), seed: 1, device };
+        let network = AvatarTrainee::untrained(&body, Conditioning::Pose, &stage_of);
+        let config = stage(2, 1);
+        let made =
+            AvatarTrainee::new(&config, &LossWeights::default(), Conditioning::Pose, stage_of, body, network, clips);
+        assert!(made.err().is_some_and(|e| e.to_string().contains("scans on end")));
+    }
+}
