@@ -8,6 +8,7 @@
 mod atlas;
 mod error;
 mod field;
+mod harmonic;
 mod heights;
 mod interpolation;
 mod marching_cubes;
@@ -22,6 +23,7 @@ mod volume_change;
 pub use atlas::Atlas;
 pub use error::ImplicitError;
 pub use field::SignedDistance;
+pub use harmonic::Harmonic;
 pub use heights::{HeightConfig, heights};
 pub use interpolation::Interpolation;
 pub use marching_cubes::{MarchingCubes, SurfaceMesh};
