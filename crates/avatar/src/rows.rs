@@ -5,8 +5,10 @@ use burn::tensor::{Device, Int, Tensor};
 /// and back.
 #[derive(Clone, Debug)]
 pub struct WeightedRows {
-    /// For each of the summands: its row `[N]` and its weight `[N, 1]`.
-    summands: Vec<(Tensor<1, Int>, Tensor<2>)>,
+    /// `[N * width]`.
+    rows: Tensor<1, Int>,
+    /// `[N, width, 1]`.
+    weights: Tensor<3>,
 }
 
 impl WeightedRows {
@@ -15,18 +17,16 @@ impl WeightedRows {
     /// Panics if the two differ in length.
     pub fn new(rows: &[u32], weights: &[f32], width: usize, device: &Device) -> Self {
         assert!(width > 0 && rows.len() == weights.len() && rows.len().is_multiple_of(width), "weighted rows");
-        let summand = |k: usize| {
-            let rows: Vec<u32> = rows.iter().copied().skip(k).step_by(width).collect();
-            let weights = weights.iter().copied().skip(k).step_by(width).collect();
-            (indices(&rows, device), tensor(weights, [rows.len(), 1], device))
-        };
-        Self { summands: (0..width).map(summand).collect() }
+        let shape = [rows.len() / width, width, 1];
+        Self { rows: indices(rows, device), weights: tensor(weights.to_vec(), shape, device) }
     }
 
     /// `[M, C] -> [N, C]`.
     pub fn apply(&self, table: Tensor<2>) -> Tensor<2> {
-        let terms = self.summands.iter().map(|(rows, weight)| table.clone().select(0, rows.clone()) * weight.clone());
-        terms.reduce(|a, b| a + b).expect("at least one summand")
+        let [count, width, _] = self.weights.dims();
+        let channels = table.dims()[1];
+        let summands = table.select(0, self.rows.clone()).reshape([count, width, channels]);
+        (summands * self.weights.clone()).sum_dim(1).reshape([count, channels])
     }
 }
 

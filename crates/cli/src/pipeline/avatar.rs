@@ -76,9 +76,11 @@ fn subject(config: &AvatarConfig, job: &Prepared) -> Result<String> {
 fn motion(job: &Prepared, poses: PoseSource, id: &ClipId) -> Result<MotionClip> {
     match poses {
         PoseSource::Fitted => Ok(job.fit.motion(id)?),
-        PoseSource::Rough => job.scans.set.rough_motion(id)?.ok_or_else(|| {
-            InputError(format!("{id} has no rough poses; set autoavatar.poses = \"fitted\"")).into()
-        }),
+        PoseSource::Rough => job
+            .scans
+            .set
+            .rough_motion(id)?
+            .ok_or_else(|| InputError(format!("{id} has no rough poses; set autoavatar.poses = \"fitted\"")).into()),
     }
 }
 
@@ -189,8 +191,7 @@ fn learn_network(
             None => AvatarTrainee::untrained(avatar, conditioning, &place_of),
         };
         let (avatar, clips) = (Arc::clone(avatar), Arc::clone(clips));
-        let mut trainee =
-            AvatarTrainee::new(&stage, &config.loss, conditioning, place_of, avatar, network, clips)?;
+        let mut trainee = AvatarTrainee::new(&stage, &config.loss, conditioning, place_of, avatar, network, clips)?;
         let (_, mm) = context.timed(&name, || context.train(place, &name, &mut trainee, stage.steps))?;
         learned = Some((trainee.into_network(), mm));
     }

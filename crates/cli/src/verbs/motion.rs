@@ -25,13 +25,7 @@ pub struct Wanted<'a> {
 }
 
 /// The motion on a body of shape `beta`, at `fps` frames a second.
-pub fn motion(
-    wanted: &Wanted,
-    body: &BodyModel,
-    beta: &[f32],
-    fps: f32,
-    monitor: &dyn Monitor,
-) -> Result<MotionClip> {
+pub fn motion(wanted: &Wanted, body: &BodyModel, beta: &[f32], fps: f32, monitor: &dyn Monitor) -> Result<MotionClip> {
     if let Some(name) = wanted.name.strip_prefix("synth:") {
         if !(2..=36_000).contains(&wanted.frames) {
             return Err(UsageError(format!("--frames is {}; write 2 to 36000", wanted.frames)).into());
