@@ -1,7 +1,7 @@
 //! `eval`: judges a run, or a protocol that trains again without what it judges.
 
 use crate::args::{EvalArgs, Protocol};
-use crate::config::Method;
+use crate::config;
 use crate::exit::{InputError, UsageError};
 use crate::pipeline::{
     BundleMethod, Context, Learned, Opened, Prepared, fold, heaviest, import_or_open, learn, load_body,
@@ -28,7 +28,7 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
         return Err(InputError(format!("{} holds no run: train first", args.run.display())).into());
     }
     let mut config = stored(&path)?;
-    if config.method == Method::Autoavatar {
+    if config.method == config::Method::Autoavatar {
         return avatar::eval(args, &config, signals);
     }
     let bundle = args.run.join("bundle").join("manifest.json");
