@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use softtissue_implicit::ObserverFrame;
 
 /// Distances are encoded in decimetres.
-const PER_METRE: f32 = 10.0;
+pub(crate) const PER_METRE: f32 = 10.0;
 
 /// How a point lies to one of its nearest observers (sec. 3.3), and how that changes with the point. With `x = q - v` the
 /// distance is `d = sqrt(|x|^2 + s^2)` and the cosine `c = n.x / d`, where the softening `s` keeps the derivative
