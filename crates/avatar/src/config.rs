@@ -77,7 +77,8 @@ pub struct NetworkConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LossWeights {
-    /// Of the distance at scan points, metres. Default 1, as published.
+    /// Of the distance at scan points, 1/m. Default 100, which makes it centimetres; the paper's 1 is without a unit. At 1 in
+    /// metres a few thousand steps learn normals and no heights.
     pub surface: f64,
     /// Of the difference of the gradient and the scan's normal. Default 1, as published.
     pub normal: f64,
@@ -207,7 +208,7 @@ impl Default for NetworkConfig {
 
 impl Default for LossWeights {
     fn default() -> Self {
-        Self { surface: 1.0, normal: 1.0, eikonal: 1.0, off_surface: 0.1, decay: 50.0 }
+        Self { surface: 100.0, normal: 1.0, eikonal: 1.0, off_surface: 0.1, decay: 50.0 }
     }
 }
 

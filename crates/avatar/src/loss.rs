@@ -79,7 +79,7 @@ mod tests {
             gradient: Some(tensor(numbers(scale), [count, 3], &device)),
         };
         let normals = tensor(numbers(1.0)[..3 * shape.surface].to_vec(), [shape.surface, 3], &device);
-        field_loss(field, shape, normals, &LossWeights::default())
+        field_loss(field, shape, normals, &LossWeights { surface: 1.0, ..LossWeights::default() })
     }
 
     fn terms(loss: &FieldLoss) -> [f32; 5] {

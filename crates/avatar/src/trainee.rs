@@ -251,15 +251,14 @@ mod tests {
 
     #[test]
     fn heights_tell_what_a_pose_cannot() {
-        let errors = [Conditioning::Autoregressive, Conditioning::Pose].map(|conditioning| {
-            let mut trainee = trainee(conditioning, &stage(1, 150));
-            let before = trainee.validate().expect("a validation");
-            (0..150).for_each(|step| drop(trainee.step(step).expect("a step")));
-            (before, trainee.validate().expect("a validation"))
+        let steps = 400;
+        let [autoregressive, pose] = [Conditioning::Autoregressive, Conditioning::Pose].map(|conditioning| {
+            let mut trainee = trainee(conditioning, &stage(1, steps));
+            (0..steps).for_each(|step| drop(trainee.step(step).expect("a step")));
+            trainee.validate().expect("a validation")
         });
-        let [(before, autoregressive), (_, pose)] = errors;
-        assert!(autoregressive < 0.5 * before, "{errors:?}");
-        assert!(autoregressive < 0.8 * pose, "{errors:?}");
+        // the ball's radius swings by 10 mm, 6.4 in the mean, and its pose says nothing of when
+        assert!(pose > 4.0 && autoregressive < 0.6 * pose, "{autoregressive} {pose}");
     }
 
     #[test]
