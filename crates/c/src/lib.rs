@@ -292,7 +292,7 @@ pub unsafe extern "C" fn softtissue_control(
     call(-1, || {
         // SAFETY: the caller's.
         let (own, name) = unsafe { (own(player, "player")?, text(region, "region")?) };
-        let control = Control { gain, softness, damping, lag };
+        let control = Control { gain, softness, damping, lag, ..Control::default() };
         let mut controls = own.controls.clone();
         if name == "everywhere" {
             controls.everywhere = control;

@@ -35,6 +35,8 @@ pub enum Verb {
     Synth(SynthArgs),
     /// Fit shape and pose to scans and extract the soft-tissue deltas.
     Fit(FitArgs),
+    /// Fit a bundle's flesh to one clip of a person: controls for `animate`.
+    Tune(TuneArgs),
     /// Bring other people's data into our form.
     Import(ImportArgs),
     /// Say of a file or folder what it is and what is wrong with it.
@@ -229,10 +231,13 @@ pub struct AnimateArgs {
     /// Overall gain of the soft-tissue displacement; 0 gives the body alone.
     #[arg(long, default_value_t = 1.0, allow_hyphen_values = true)]
     pub gain: f32,
-    /// Change a region, or `everywhere`: `belly:gain=2,softness=1.5,damping=0.5,lag=0.02` (factors; lag in seconds).
-    /// Once for each region.
+    /// Change a region, or `everywhere`: `belly:gain=2,softness=1.5,damping=0.5,lag=0.02,mass=1` (factors; lag in seconds;
+    /// mass in units of beta[1]). Once for each region.
     #[arg(long, value_name = "REGION:...")]
     pub control: Vec<String>,
+    /// The same from a file, a line each, as `tune` writes it.
+    #[arg(long, value_name = "FILE")]
+    pub controls: Option<PathBuf>,
     /// Paint the gain: an OBJ file in the body's topology with vertex colours; white keeps, black stops the flesh.
     #[arg(long, value_name = "FILE")]
     pub paint: Option<PathBuf>,
@@ -266,6 +271,25 @@ pub struct FitArgs {
     pub scans: PathBuf,
     /// The folder to write.
     #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// `tune`.
+#[derive(Debug, Args)]
+pub struct TuneArgs {
+    /// Settings (of the fit of the scans and of `tuning`).
+    #[command(flatten)]
+    pub settings: Settings,
+    /// The bundle whose flesh is fitted.
+    pub bundle: PathBuf,
+    /// Scans of the person: a scan set, or whatever `import scans` takes.
+    #[arg(long, value_name = "DIR")]
+    pub scans: PathBuf,
+    /// The clip to go by, SUBJECT/MOTION.TAKE; needed where the scans are of more than one.
+    #[arg(long, value_name = "CLIP")]
+    pub clip: Option<String>,
+    /// The file of controls to write, for `animate --controls`.
+    #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
 }
 

@@ -93,10 +93,11 @@ impl Player {
     }
 
     /// Changes what was learned, everywhere or in a region ("belly", "breast", ...), and starts over: factors of the
-    /// displacement, of the time of the answer and of its damping, and a delay in seconds.
-    #[pyo3(signature = (region = "everywhere", *, gain = 1.0, softness = 1.0, damping = 1.0, lag = 0.0))]
-    fn control(&mut self, region: &str, gain: f32, softness: f32, damping: f32, lag: f32) -> PyResult<()> {
-        let control = core::Control { gain, softness, damping, lag };
+    /// displacement, of the time of the answer and of its damping, a delay in seconds, and how much heavier the person is
+    /// whose flesh it is.
+    #[pyo3(signature = (region = "everywhere", *, gain = 1.0, softness = 1.0, damping = 1.0, lag = 0.0, mass = 0.0))]
+    fn control(&mut self, region: &str, gain: f32, softness: f32, damping: f32, lag: f32, mass: f32) -> PyResult<()> {
+        let control = core::Control { gain, softness, damping, lag, mass };
         let mut controls = self.controls.clone();
         if region == "everywhere" {
             controls.everywhere = control;

@@ -16,6 +16,7 @@ mod motion;
 mod page;
 pub mod synth;
 pub mod train;
+pub mod tune;
 pub mod view;
 
 use crate::args::Settings;
