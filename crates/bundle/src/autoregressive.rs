@@ -4,6 +4,7 @@ use crate::model::{LARGEST_WIDTH, fits};
 use crate::times::{StepPart, Watch};
 use crate::{DeltaBasis, Matrix};
 use softtissue_body::BodyBuild;
+use std::borrow::Cow;
 
 /// Linear autoregression of second order with exogenous input (Dyna, Pons-Moll et al. 2015, eq. 20): each coefficient
 /// by itself, `c_t = a_1 c_{t-1} + a_2 c_{t-2} + w . x_t + b`. With both lags zero it has no memory (order 0).
@@ -32,7 +33,7 @@ impl Ar2 {
     pub fn step(&self, scaled: &[f32], last: &[f32], before: &mut [f32]) {
         for (k, c) in before.iter_mut().enumerate() {
             let a = self.lags.row(k);
-            *c = a[0] * last[k] + a[1] * *c + dot(self.weight.row(k), scaled) + self.bias[k];
+            *c = a[0] * last[k] + a[1] * *c + dot(&self.weight.row(k), scaled) + self.bias[k];
         }
     }
 
@@ -53,10 +54,10 @@ impl Ar2 {
         let pairs = [
             (self.lags.data_mut(), other.lags.data()),
             (self.weight.data_mut(), other.weight.data()),
-            (&mut self.bias[..], &other.bias[..]),
+            (&mut self.bias[..], Cow::Borrowed(&other.bias[..])),
         ];
         for (own, other) in pairs {
-            own.iter_mut().zip(other).for_each(|(a, b)| *a += factor * b);
+            own.iter_mut().zip(&*other).for_each(|(a, b)| *a += factor * b);
         }
     }
 }
@@ -103,7 +104,7 @@ pub struct AutoregressiveState {
     scaled: Vec<f32>,
     last: Vec<f32>,
     before: Vec<f32>,
-    /// Coefficients without the basis's mean.
+    /// Coefficients with the basis's mean.
     decoded: Vec<f32>,
 }
 
@@ -158,16 +159,13 @@ impl AutoregressiveModel {
     /// One frame: the descriptor's `features` to `deltas [V * 3]`, metres. Returns how many features were clipped to
     /// their range in training. Allocates nothing.
     pub fn step(&self, features: &[f32], state: &mut AutoregressiveState, deltas: &mut [f32]) -> usize {
-        self.watched_step(features, state, deltas, &mut ())
+        let clipped = self.predict(features, state, &mut ());
+        self.basis.sum(&state.decoded, deltas, None);
+        clipped
     }
 
-    pub(crate) fn watched_step(
-        &self,
-        features: &[f32],
-        state: &mut AutoregressiveState,
-        deltas: &mut [f32],
-        watch: &mut impl Watch,
-    ) -> usize {
+    /// The same up to the coefficients, in [`AutoregressiveState::decoded`].
+    pub(crate) fn predict(&self, features: &[f32], state: &mut AutoregressiveState, watch: &mut impl Watch) -> usize {
         let AutoregressiveState { dynamics, scaled, last, before, decoded, .. } = state;
         self.input.apply(features, scaled);
         dynamics.step(scaled, last, before);
@@ -175,8 +173,7 @@ impl AutoregressiveModel {
         let clipped = self.input.outside(features);
         watch.lap(StepPart::Regressor);
         decoded.copy_from_slice(last);
-        self.basis.decode(decoded, deltas);
-        watch.lap(StepPart::Decoder);
+        self.basis.add_mean(decoded);
         clipped
     }
 
@@ -224,6 +221,10 @@ impl AutoregressiveState {
     /// Coefficients of the newest frame, `[K]`, metres.
     pub fn coefficients(&self) -> &[f32] {
         &self.last
+    }
+    /// The same with the basis's mean.
+    pub(crate) fn decoded(&self) -> &[f32] {
+        &self.decoded
     }
     /// Whether the memory is finite.
     pub fn is_finite(&self) -> bool {

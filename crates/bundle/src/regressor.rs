@@ -1,5 +1,5 @@
 use crate::descriptor::FeatureScaling;
-use crate::{Gru, Linear, MassLaw, Matrix, ResonatorBank};
+use crate::{Gru, Linear, MassLaw, Matrix, Precision, ResonatorBank};
 
 /// What predicts the latent from the motion, frame by frame: a shortcut that is linear in the inputs (or in a bank
 /// of damped resonators driven by them) and, around it, a recurrent network (SoftSMPL sec. 5).
@@ -133,6 +133,9 @@ impl Regressor {
         }
         let amplitude = self.mass.amplitude(beta);
         weight.data_mut().iter_mut().chain(&mut bias).for_each(|w| *w *= amplitude);
+        if self.shortcut.weight.precision() != Precision::F32 {
+            weight = weight.halved();
+        }
         BodyRegressor { shape: b, amplitude, bank: self.bank_of(beta), shortcut: Linear { weight, bias } }
     }
 

@@ -7,7 +7,7 @@
 mod tiny;
 
 use softtissue_body::{Pose, Region};
-use softtissue_bundle::{Control, Controls, Player};
+use softtissue_bundle::{Batch, Control, Controls, Detail, Player, Precision};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -37,6 +37,8 @@ fn a_step_allocates_nothing() {
         tiny::bundle(tiny::Parts { look_ahead: 3, ..Default::default() }),
         tiny::bundle(tiny::Parts { features: disentangled, bank: false, ..Default::default() }),
         tiny::autoregressive(),
+        tiny::bundle(tiny::Parts::default()).reduced(Precision::F16).unwrap(),
+        tiny::bundle(tiny::Parts::default()).reduced(Precision::I8).unwrap(),
     ];
     for bundle in bundles {
         let mut player = Player::new(&bundle, &[0.5]).unwrap();
@@ -48,6 +50,8 @@ fn a_step_allocates_nothing() {
         let mut controlled = Player::new(&bundle, &[0.5]).unwrap();
         controlled.set_controls(&controls).unwrap();
         controlled.show_on(Some(bundle.body.template.clone())).unwrap();
+        controlled.set_detail(&Detail { components: Some(3), still: vec![Region::Feet] }).unwrap();
+        let mut batch = Batch::new(&bundle, &[&[0.1], &[0.2], &[0.3]], 1).unwrap();
         let before = COUNT.load(Ordering::Relaxed);
         assert!(before > 100, "the counter counts");
         for t in 0..60 {
@@ -56,6 +60,7 @@ fn a_step_allocates_nothing() {
             player.advance(pose(t), 0.01);
             controlled.step(pose(t));
             controlled.vertices();
+            batch.step(&[pose(t); 3]).unwrap();
         }
         assert_eq!(COUNT.load(Ordering::Relaxed) - before, 0, "{}", bundle.info.method);
     }

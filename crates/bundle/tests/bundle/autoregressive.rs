@@ -10,7 +10,7 @@ fn the_player_mixes_everybody_s_predictions() {
     let bundle = autoregressive();
     let model = bundle.model.autoregressive().unwrap();
     let (rotations, translations) = motion(50);
-    let descriptor = Descriptor::new(&bundle.descriptor, &bundle.body, bundle.model.modes()).unwrap();
+    let descriptor = Descriptor::new(&bundle.descriptor, &bundle.body, bundle.model.modes().as_deref()).unwrap();
     for beta in [[0.3, -0.8], [0.0, 2.0], [-1.0, -9.0]] {
         let features = descriptor.run(&bundle.body, &bundle.body.shaped(&beta), &rotations, &translations);
         let root = 4.1 + 0.05 * f64::from(beta[0]) - 0.2 * f64::from(beta[1]);
@@ -21,7 +21,7 @@ fn the_player_mixes_everybody_s_predictions() {
         let numbers = |x: &[f32]| x.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>();
         let dot = |a: &[f32], b: &[f32]| numbers(a).iter().zip(numbers(b)).map(|(a, b)| a * b).sum::<f64>();
         let rest = |i: usize| {
-            -dot(model.basis.directions.row(i), &model.basis.mean) - f64::from(model.basis.coefficient_mean[i])
+            -dot(&model.basis.directions.row(i), &model.basis.mean) - f64::from(model.basis.coefficient_mean[i])
         };
         let mut last: Vec<f64> = (0..k).map(rest).collect();
         let mut before = last.clone();
@@ -30,7 +30,7 @@ fn the_player_mixes_everybody_s_predictions() {
             let next = |i: usize| {
                 let each = model.people.iter().zip(&kernel).map(|(p, weight)| {
                     let (lags, own) = (p.dynamics.lags.row(i), &p.dynamics);
-                    let driven = dot(own.weight.row(i), x) + f64::from(own.bias[i]);
+                    let driven = dot(&own.weight.row(i), x) + f64::from(own.bias[i]);
                     weight / sum * (f64::from(lags[0]) * last[i] + f64::from(lags[1]) * before[i] + driven)
                 });
                 each.sum::<f64>()
