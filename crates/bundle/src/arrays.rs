@@ -132,7 +132,7 @@ impl<'a> Writer<'a> {
         match matrix.whole() {
             Some(numbers) => self.numbers(name, shape, numbers),
             None => {
-                self.file.raw(name, DType::F16, shape, half::to_bytes(&matrix.data()));
+                self.file.raw(name, DType::F16, shape, half::to_bytes(&matrix.numbers()));
             }
         }
     }

@@ -4,7 +4,6 @@ use crate::model::{LARGEST_WIDTH, fits};
 use crate::times::{StepPart, Watch};
 use crate::{DeltaBasis, Matrix};
 use softtissue_body::BodyBuild;
-use std::borrow::Cow;
 
 /// Linear autoregression of second order with exogenous input (Dyna, Pons-Moll et al. 2015, eq. 20): each coefficient
 /// by itself, `c_t = a_1 c_{t-1} + a_2 c_{t-2} + w . x_t + b`. With both lags zero it has no memory (order 0).
@@ -33,7 +32,7 @@ impl Ar2 {
     pub fn step(&self, scaled: &[f32], last: &[f32], before: &mut [f32]) {
         for (k, c) in before.iter_mut().enumerate() {
             let a = self.lags.row(k);
-            *c = a[0] * last[k] + a[1] * *c + dot(&self.weight.row(k), scaled) + self.bias[k];
+            *c = a[0] * last[k] + a[1] * *c + dot(self.weight.row(k), scaled) + self.bias[k];
         }
     }
 
@@ -54,10 +53,10 @@ impl Ar2 {
         let pairs = [
             (self.lags.data_mut(), other.lags.data()),
             (self.weight.data_mut(), other.weight.data()),
-            (&mut self.bias[..], Cow::Borrowed(&other.bias[..])),
+            (&mut self.bias[..], &other.bias[..]),
         ];
         for (own, other) in pairs {
-            own.iter_mut().zip(&*other).for_each(|(a, b)| *a += factor * b);
+            own.iter_mut().zip(other).for_each(|(a, b)| *a += factor * b);
         }
     }
 }
@@ -221,6 +220,10 @@ impl AutoregressiveState {
     /// Coefficients of the newest frame, `[K]`, metres.
     pub fn coefficients(&self) -> &[f32] {
         &self.last
+    }
+    /// Bytes of the matrices.
+    pub(crate) fn weight_bytes(&self) -> usize {
+        self.dynamics.lags.bytes() + self.dynamics.weight.bytes()
     }
     /// The same with the basis's mean.
     pub(crate) fn decoded(&self) -> &[f32] {

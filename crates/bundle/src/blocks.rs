@@ -76,6 +76,10 @@ impl<T: Element> Blocks<T> {
     pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1
     }
+    /// Bytes that a sum of all rows reads.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(&self.strips[..]) + size_of_val(&self.scale[..]) + size_of_val(&self.row[..])
+    }
     /// Strips that are kept, of as many as there would be without zeros.
     pub(crate) fn density(&self) -> f32 {
         self.strips.len() as f32 / (self.rows * self.len()).max(1) as f32

@@ -29,6 +29,15 @@ impl Correctives {
         if whole.density() > DENSEST { Self::Body } else { Self::Whole(whole) }
     }
 
+    /// Bytes that a frame reads.
+    pub(crate) fn bytes(&self, body: &BodyModel) -> usize {
+        match self {
+            Self::Body => size_of_val(&body.pose_directions[..]),
+            Self::Whole(whole) => whole.bytes(),
+            Self::Half(half) => half.bytes(),
+        }
+    }
+
     /// Adds the offsets of `features [9 (J - 1)]` to some blocks of `offsets [V * 3]`.
     pub(crate) fn add(&self, body: &BodyModel, features: &[f32], offsets: &mut [f32], blocks: Range<usize>) {
         match self {

@@ -73,6 +73,10 @@ impl HalfRows {
         let data = numbers.iter().enumerate().map(scaled).collect();
         Self { cols, data, scale: factors.iter().map(|f| 1.0 / f).collect() }
     }
+    /// Bytes that a product reads.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(&self.data[..]) + size_of_val(&self.scale[..])
+    }
     /// Row `r`, `[cols]`.
     pub(crate) fn row(&self, r: usize) -> impl Iterator<Item = f32> {
         let scale = self.scale[r];

@@ -52,15 +52,15 @@ impl Matrix {
     }
     /// The same in 16-bit floats, for [`times`](Self::times).
     pub(crate) fn halved(&self) -> Self {
-        Self { store: Store::Half(HalfRows::new(self.rows, self.cols, &self.data())), ..*self }
+        Self { store: Store::Half(HalfRows::new(self.rows, self.cols, &self.numbers())), ..*self }
     }
     /// The same in 16-bit floats, for [`add_transposed_times`](Self::add_transposed_times).
     pub(crate) fn halved_blocks(&self) -> Self {
-        Self { store: Store::HalfBlocks(Blocks::halved(self.rows, self.cols, &self.data())), ..*self }
+        Self { store: Store::HalfBlocks(Blocks::halved(self.rows, self.cols, &self.numbers())), ..*self }
     }
     /// The same in bytes, the first `refined` rows in two each, for [`add_transposed_times`](Self::add_transposed_times).
     pub(crate) fn quantised(&self, refined: usize) -> Self {
-        Self { store: Store::Bytes(Blocks::quantised(self.rows, self.cols, &self.data(), refined)), ..*self }
+        Self { store: Store::Bytes(Blocks::quantised(self.rows, self.cols, &self.numbers(), refined)), ..*self }
     }
     /// From the rows of a file.
     pub(crate) fn from_byte_rows(rows: usize, cols: usize, file: &ByteRows) -> Self {
@@ -81,6 +81,15 @@ impl Matrix {
             Store::Bytes(_) => Precision::I8,
         }
     }
+    /// Bytes that a product reads of it.
+    pub(crate) fn bytes(&self) -> usize {
+        match &self.store {
+            Store::Whole(data) => size_of_val(&data[..]),
+            Store::Half(half) => half.bytes(),
+            Store::HalfBlocks(blocks) => blocks.bytes(),
+            Store::Bytes(blocks) => blocks.bytes(),
+        }
+    }
     /// Rows.
     pub fn rows(&self) -> usize {
         self.rows
@@ -89,8 +98,17 @@ impl Matrix {
     pub fn cols(&self) -> usize {
         self.cols
     }
-    /// All numbers, row after row.
-    pub fn data(&self) -> Cow<'_, [f32]> {
+    /// All numbers of a matrix of f32, row after row. Panics if it has fewer bits, as only those of bundles can
+    /// ([`numbers`](Self::numbers) takes any).
+    pub fn data(&self) -> &[f32] {
+        self.whole().expect("a matrix of f32")
+    }
+    /// Row `r`, `[cols]`, of a matrix of f32. Panics if it has fewer bits.
+    pub fn row(&self, r: usize) -> &[f32] {
+        &self.data()[r * self.cols..(r + 1) * self.cols]
+    }
+    /// All numbers of any matrix, row after row.
+    pub fn numbers(&self) -> Cow<'_, [f32]> {
         match &self.store {
             Store::Whole(data) => Cow::Borrowed(data),
             Store::Half(half) => Cow::Owned((0..self.rows).flat_map(|r| half.row(r)).collect()),
@@ -108,15 +126,15 @@ impl Matrix {
     /// All numbers, to change; from then on in f32.
     pub fn data_mut(&mut self) -> &mut [f32] {
         if self.whole().is_none() {
-            self.store = Store::Whole(self.data().into_owned());
+            self.store = Store::Whole(self.numbers().into_owned());
         }
         match &mut self.store {
             Store::Whole(data) => data,
             _ => unreachable!("it has just been made whole"),
         }
     }
-    /// Row `r`, `[cols]`.
-    pub fn row(&self, r: usize) -> Cow<'_, [f32]> {
+    /// Row `r` of any matrix, `[cols]`.
+    pub fn numbers_of_row(&self, r: usize) -> Cow<'_, [f32]> {
         match &self.store {
             Store::Whole(data) => Cow::Borrowed(&data[r * self.cols..(r + 1) * self.cols]),
             Store::Half(half) => Cow::Owned(half.row(r).collect()),
@@ -144,7 +162,7 @@ impl Matrix {
             ),
             Store::Half(half) => half.times(x, y),
             Store::HalfBlocks(_) | Store::Bytes(_) => {
-                y.iter_mut().enumerate().for_each(|(r, y)| *y = dot(&self.row(r), x));
+                y.iter_mut().enumerate().for_each(|(r, y)| *y = dot(&self.numbers_of_row(r), x));
             }
         }
     }
@@ -168,7 +186,7 @@ impl Matrix {
             Store::Whole(data) => add_combination(&data[..x.len() * self.cols], x, y, columns),
             Store::HalfBlocks(half) => blocks.for_each(|b| half.add(b, x, y)),
             Store::Bytes(bytes) => blocks.for_each(|b| bytes.add(b, x, y)),
-            Store::Half(_) => add_combination(&self.data()[..x.len() * self.cols], x, y, columns),
+            Store::Half(_) => add_combination(&self.numbers()[..x.len() * self.cols], x, y, columns),
         }
     }
 }
@@ -262,11 +280,11 @@ mod tests {
         let m = Matrix::new(rows, cols, (0..rows * cols).map(value).collect());
         let (x, weights): (Vec<f32>, Vec<f32>) = ((0..cols).map(value).collect(), (0..rows).map(value).collect());
         for kept in [m.halved(), m.halved_blocks(), m.quantised(0), m.quantised(4)] {
-            assert_ne!(kept.data(), m.data());
+            assert_ne!(kept.numbers(), m.numbers());
             let mut plain = kept.clone();
             plain.data_mut();
-            assert_eq!((plain.precision(), &plain.data()), (Precision::F32, &kept.data()));
-            assert!((0..rows).all(|r| kept.row(r) == plain.row(r)));
+            assert_eq!((plain.precision(), plain.data()), (Precision::F32, &*kept.numbers()));
+            assert!((0..rows).all(|r| kept.numbers_of_row(r) == plain.row(r)));
             let close = |a: Vec<f32>, b: Vec<f32>| a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-4);
             let times = |m: &Matrix| {
                 let mut y = vec![0.0; rows];

@@ -74,7 +74,7 @@ impl Model {
     }
     /// Orthonormal delta modes `[K, V * 3]` that a descriptor may project forces on; `None` if the model has none.
     pub fn modes(&self) -> Option<Cow<'_, [f32]>> {
-        self.basis().map(|basis| basis.directions.data())
+        self.basis().map(|basis| basis.directions.numbers())
     }
     /// The basis of its deltas; `None` if it makes them without one.
     pub fn basis(&self) -> Option<&DeltaBasis> {
@@ -201,6 +201,31 @@ impl ModelState {
             Self::Feedback(s) => s.latent(),
             Self::Autoregressive(s) => s.coefficients(),
         }
+    }
+}
+
+impl Model {
+    /// Bytes of weights that a frame of this body reads.
+    pub(crate) fn weight_bytes(&self, state: &ModelState) -> usize {
+        let basis = self.basis().map_or(0, |b| size_of_val(&b.mean[..]) + b.directions.bytes());
+        let networks = match (self, state) {
+            (Self::Recurrent(m), ModelState::Recurrent(s)) => {
+                let units = m.subspace.decoder.units.iter().flat_map(|u| [&u.inner, &u.outer]);
+                let layers = units.chain([&m.subspace.decoder.lift]).map(|l| l.weight.bytes());
+                let recurrent = m.regressor.recurrent.as_ref();
+                let gru = recurrent.map(|r| r.gru.w_ih.bytes() + r.gru.w_hh.bytes() + r.readout.weight.bytes());
+                let encoder = m.pose_encoder.iter().flat_map(|e| &e.layers).map(|l| l.weight.bytes());
+                layers.chain(gru).chain(encoder).sum::<usize>() + s.regressor.shortcut_bytes()
+            }
+            (Self::Feedback(m), ModelState::Feedback(s)) => {
+                let person = &m.people[s.person()];
+                let layers = person.encoder.0.iter().chain([&person.hidden, &person.output]);
+                layers.map(|l| l.weight.bytes()).sum()
+            }
+            (Self::Autoregressive(_), ModelState::Autoregressive(s)) => s.weight_bytes(),
+            _ => panic!("the state belongs to another kind of model"),
+        };
+        basis + networks
     }
 }
 

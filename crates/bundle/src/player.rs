@@ -195,6 +195,11 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     pub fn bundle(&self) -> &Bundle {
         &self.bundle
     }
+    /// Bytes of weights that a whole frame reads once: what it cannot be faster than, without controls and in full detail.
+    pub fn weight_bytes(&self) -> usize {
+        let correctives = self.posing.correctives().bytes(&self.bundle.body);
+        correctives + self.descriptor.weight_bytes() + self.bundle.model.weight_bytes(&self.model_state)
+    }
     /// The body at its shape.
     pub fn shaped(&self) -> &ShapedBody {
         &self.shaped

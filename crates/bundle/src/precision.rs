@@ -199,5 +199,5 @@ fn reduce_modes(modes: &mut Matrix, precision: Precision) -> std::result::Result
 }
 
 fn rounded(matrix: &Matrix) -> std::result::Result<Vec<f32>, String> {
-    half::rounded(&matrix.data()).map_err(|x| format!("a matrix with {x} in it, beyond 16-bit floats; keep it in f32"))
+    half::rounded(&matrix.numbers()).map_err(|x| format!("a matrix with {x} in it, beyond 16-bit floats; keep it in f32"))
 }

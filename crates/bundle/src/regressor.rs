@@ -124,7 +124,7 @@ impl Regressor {
         let mut weight = Matrix::zeros(l, a);
         let mut bias = self.shortcut.bias.clone();
         for row in 0..l {
-            let weights = self.shortcut.weight.row(row);
+            let weights = self.shortcut.weight.numbers_of_row(row);
             let (terms, rest) = weights.split_at(factors.len() * a);
             for (factor, weights) in factors.iter().zip(terms.chunks_exact(a.max(1))) {
                 weight.row_mut(row).iter_mut().zip(weights).for_each(|(s, w)| *s += factor * w);
@@ -185,6 +185,10 @@ impl RegressorState {
     /// The latent of the newest frame, `[L]`.
     pub fn latent(&self) -> &[f32] {
         &self.latent
+    }
+    /// Bytes of the shortcut's matrix.
+    pub(crate) fn shortcut_bytes(&self) -> usize {
+        self.body.shortcut.weight.bytes()
     }
     /// Forgets the motion, not the body.
     pub fn reset(&mut self) {

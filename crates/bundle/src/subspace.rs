@@ -150,7 +150,7 @@ impl Subspace {
         let SubspaceScratch { coefficients, unit } = scratch;
         let basis = &self.basis;
         for (k, c) in coefficients.iter_mut().enumerate() {
-            let row = basis.directions.row(k);
+            let row = basis.directions.numbers_of_row(k);
             *c = dot(&row, delta) - dot(&row, &basis.mean) - basis.coefficient_mean[k];
         }
         self.encoder.units.iter().for_each(|u| u.apply(coefficients, unit));

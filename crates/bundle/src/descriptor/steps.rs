@@ -128,6 +128,13 @@ impl Descriptor {
     pub fn blocks(&self) -> &[FeatureBlock] {
         &self.blocks
     }
+    /// Bytes of the modes that a frame reads; those of an encoder are the model's.
+    pub(crate) fn weight_bytes(&self) -> usize {
+        match &self.kind {
+            Kind::Forces(k) => k.weight_bytes(),
+            Kind::Pose(_) | Kind::Disentangled(_) | Kind::Angles(_) => 0,
+        }
+    }
     /// The settings it was made with.
     pub fn config(&self) -> &DescriptorConfig {
         &self.config

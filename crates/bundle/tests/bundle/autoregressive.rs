@@ -21,7 +21,7 @@ fn the_player_mixes_everybody_s_predictions() {
         let numbers = |x: &[f32]| x.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>();
         let dot = |a: &[f32], b: &[f32]| numbers(a).iter().zip(numbers(b)).map(|(a, b)| a * b).sum::<f64>();
         let rest = |i: usize| {
-            -dot(&model.basis.directions.row(i), &model.basis.mean) - f64::from(model.basis.coefficient_mean[i])
+            -dot(model.basis.directions.row(i), &model.basis.mean) - f64::from(model.basis.coefficient_mean[i])
         };
         let mut last: Vec<f64> = (0..k).map(rest).collect();
         let mut before = last.clone();
@@ -30,7 +30,7 @@ fn the_player_mixes_everybody_s_predictions() {
             let next = |i: usize| {
                 let each = model.people.iter().zip(&kernel).map(|(p, weight)| {
                     let (lags, own) = (p.dynamics.lags.row(i), &p.dynamics);
-                    let driven = dot(&own.weight.row(i), x) + f64::from(own.bias[i]);
+                    let driven = dot(own.weight.row(i), x) + f64::from(own.bias[i]);
                     weight / sum * (f64::from(lags[0]) * last[i] + f64::from(lags[1]) * before[i] + driven)
                 });
                 each.sum::<f64>()
