@@ -26,7 +26,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args().nth(1).ok_or("name the folder of a bundle in f32")?;
     let whole = Bundle::read(Path::new(&folder))?;
     let (rotations, translations) = motion(whole.body.joint_count());
-    println!("{} vertices, {} frames; milliseconds, median (fastest tenth)", whole.body.vertex_count(), FRAMES * ROUNDS);
+    println!(
+        "{} vertices, {} frames; milliseconds, median (fastest tenth)",
+        whole.body.vertex_count(),
+        FRAMES * ROUNDS
+    );
     for precision in Precision::ALL {
         let bundle = match whole.reduced(precision) {
             Ok(bundle) => bundle,

@@ -198,7 +198,9 @@ impl Reader<'_> {
 
     fn feedback(&self, FeedbackForm { people, latent_limits }: &FeedbackForm) -> Result<FeedbackModel> {
         if self.precision == Precision::I8 {
-            return Err(self.refused("it is in i8, which a bundle without delta modes cannot be; export the bundle again"));
+            return Err(
+                self.refused("it is in i8, which a bundle without delta modes cannot be; export the bundle again")
+            );
         }
         let person = |(i, name): (usize, &String)| {
             let part = |part: &str| format!("person.{i}.{part}");
@@ -227,7 +229,8 @@ impl Reader<'_> {
         let basis = self.basis()?;
         let encoder =
             Encoder { units: self.units("encoder", form.encoder_units)?, project: self.network("encoder.project")? };
-        let decoder = Decoder { lift: self.network("decoder.lift")?, units: self.units("decoder", form.decoder_units)? };
+        let decoder =
+            Decoder { lift: self.network("decoder.lift")?, units: self.units("decoder", form.decoder_units)? };
         Ok(Subspace { basis, encoder, decoder })
     }
 

@@ -1,11 +1,10 @@
 use crate::half::{self, Half, WIDENED};
+use crate::matrix::widest;
+use pulp::NullaryFnOnce;
 use std::ops::Range;
 
 /// Columns of a block: three numbers of 32 vertices.
 pub(crate) const BLOCK: usize = 96;
-
-/// Strips that are added up together; as many as rows of an f32 matrix are.
-const TOGETHER: usize = crate::matrix::TOGETHER;
 
 /// A number of a strip.
 pub(crate) trait Element: Copy + Default + PartialEq {
@@ -30,7 +29,7 @@ impl Element for Half {
 impl Element for i8 {
     #[inline(always)]
     fn wide(self) -> f32 {
-        f32::from(self)
+        self as f32
     }
 }
 
@@ -91,35 +90,12 @@ impl<T: Element> Blocks<T> {
         if x.len() < self.rows {
             last = first + self.row[first..last].partition_point(|r| (*r as usize) < x.len());
         }
-        let (row, scale, strips) = (&self.row[first..last], &self.scale[first..last], &self.strips[first..last]);
         let y = &mut y[block * BLOCK..];
         let width = y.len().min(BLOCK);
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                let mut sum = [0.0f32; BLOCK];
-                let (groups, rest) = strips.as_chunks::<TOGETHER>();
-                for (g, group) in groups.iter().enumerate() {
-                    let factor = |k: usize| x[row[TOGETHER * g + k] as usize] * scale[TOGETHER * g + k];
-                    let factors: [f32; TOGETHER] = std::array::from_fn(factor);
-                    for i in 0..BLOCK {
-                        let mut sums: [f32; TOGETHER] = std::array::from_fn(|k| factors[k] * group[k][i].wide());
-                        let mut count = TOGETHER / 2;
-                        while count > 0 {
-                            (0..count).for_each(|k| sums[k] += sums[k + count]);
-                            count /= 2;
-                        }
-                        sum[i] += sums[0];
-                    }
-                }
-                for (k, strip) in rest.iter().enumerate() {
-                    let at = TOGETHER * groups.len() + k;
-                    let factor = x[row[at] as usize] * scale[at];
-                    sum.iter_mut().zip(strip).for_each(|(s, a)| *s += factor * a.wide());
-                }
-                y[..width].iter_mut().zip(&sum).for_each(|(y, s)| *y += s);
-            },
-        );
+        let mut sum = [0.0; BLOCK];
+        let (row, scale, strips) = (&self.row[first..last], &self.scale[first..last], &self.strips[first..last]);
+        widest(Sum { x, row, scale, strips, sum: &mut sum });
+        y[..width].iter_mut().zip(&sum).for_each(|(y, s)| *y += s);
     }
 
     /// Row `r` in f32, `[cols]`.
@@ -140,6 +116,31 @@ impl<T: Element> Blocks<T> {
             }
         }
         out
+    }
+}
+
+/// The sum of strips. One after the other: all sums of a block stay in registers, or next to them.
+struct Sum<'a, T> {
+    x: &'a [f32],
+    /// Place in `x` of each strip.
+    row: &'a [u32],
+    scale: &'a [f32],
+    strips: &'a [[T; BLOCK]],
+    sum: &'a mut [f32; BLOCK],
+}
+
+impl<T: Element> NullaryFnOnce for Sum<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let mut sum = [0.0f32; BLOCK];
+        for (strip, (row, scale)) in self.strips.iter().zip(self.row.iter().zip(self.scale)) {
+            let factor = self.x[*row as usize] * scale;
+            for i in 0..BLOCK {
+                sum[i] += factor * strip[i].wide();
+            }
+        }
+        *self.sum = sum;
     }
 }
 
@@ -208,7 +209,8 @@ impl Blocks<i8> {
     pub(crate) fn to_rows(&self) -> ByteRows {
         let (rows, cols, blocks) = (self.rows, self.cols, self.len());
         let second = |s: usize, block: usize| s > self.starts[block] && self.row[s - 1] == self.row[s];
-        let strips = || (0..blocks).flat_map(|block| (self.starts[block]..self.starts[block + 1]).map(move |s| (block, s)));
+        let strips =
+            || (0..blocks).flat_map(|block| (self.starts[block]..self.starts[block + 1]).map(move |s| (block, s)));
         let refined = strips().filter(|(b, s)| second(*s, *b)).map(|(_, s)| self.row[s] as usize + 1).max();
         let lines = rows + refined.unwrap_or(0);
         let mut out = ByteRows { lines, bytes: vec![0; lines * cols], scale: vec![1.0; lines * blocks] };
@@ -232,7 +234,7 @@ fn step(numbers: &[f32]) -> Option<f32> {
 mod tests {
     use super::*;
 
-    const ROWS: usize = TOGETHER + 5;
+    const ROWS: usize = 21;
     const COLS: usize = 2 * BLOCK + 31;
 
     /// Row 3 is zero in the first block, rows get smaller towards the last.
@@ -257,9 +259,8 @@ mod tests {
     fn exact(x: &[f32], part: f64) -> Vec<(f64, f64)> {
         let all = numbers();
         let number = |r: usize, c: usize| f64::from(all[r * COLS + c]);
-        let largest = |r: usize, b: usize| {
-            (b * BLOCK..COLS.min((b + 1) * BLOCK)).map(|c| number(r, c).abs()).fold(0.0, f64::max)
-        };
+        let largest =
+            |r: usize, b: usize| (b * BLOCK..COLS.min((b + 1) * BLOCK)).map(|c| number(r, c).abs()).fold(0.0, f64::max);
         let of = |c: usize| {
             let rows = x.iter().enumerate();
             rows.fold((1.0, 2e-6), |(sum, bound), (r, x)| {
@@ -292,7 +293,7 @@ mod tests {
         let refined = Blocks::quantised(ROWS, COLS, &all, ROWS);
         close(&sum(&refined, &x), &exact(&x, 0.51 / 127.0 / 254.0), false);
         // Half of the rows alone.
-        let few = &x[..TOGETHER + 2];
+        let few = &x[..18];
         close(&sum(&whole, few), &exact(few, 0.0), false);
         close(&sum(&refined, few), &exact(few, 0.51 / 127.0 / 254.0), false);
     }

@@ -161,13 +161,7 @@ impl Mixer {
     }
 
     /// One frame: features in, `deltas [V]` out. Returns how many features were clipped.
-    pub(crate) fn step(
-        &mut self,
-        model: &Model,
-        features: &[f32],
-        deltas: &mut [Vec3],
-        part: Option<&Part>,
-    ) -> usize {
+    pub(crate) fn step(&mut self, model: &Model, features: &[f32], deltas: &mut [Vec3], part: Option<&Part>) -> usize {
         let mut clipped = 0;
         deltas.fill(Vec3::ZERO);
         for voice in &mut self.voices {

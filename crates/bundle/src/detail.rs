@@ -36,7 +36,8 @@ impl Part {
             return Ok(None);
         }
         let Some(basis) = model.basis() else {
-            let message = "a detail for a model without a basis of deltas; play it whole, or use a bundle of another method";
+            let message =
+                "a detail for a model without a basis of deltas; play it whole, or use a bundle of another method";
             return Err(BundleError::Input(message.into()));
         };
         let all = basis.directions.rows();

@@ -1,4 +1,6 @@
+use crate::matrix::widest;
 use half::f16;
+use pulp::NullaryFnOnce;
 
 /// The bits of a 16-bit float (IEEE 754 binary16), never one that is not finite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,7 +25,7 @@ impl Half {
     /// processor does at speed.
     #[inline(always)]
     pub(crate) fn widened(self) -> f32 {
-        f32::from_bits(((i32::from(self.0.cast_signed()) << 13) as u32) & 0x8fff_ffff)
+        f32::from_bits(((self.0 as i16 as i32) << 13) as u32 & 0x8fff_ffff)
     }
 }
 
@@ -62,8 +64,8 @@ pub(crate) struct HalfRows {
     scale: Vec<f32>,
 }
 
-/// Partial sums of a product, as of f32 matrices.
-const LANES: usize = 8;
+/// Partial sums of a product; the order of additions is fixed by the number, not by the machine.
+const LANES: usize = 16;
 
 impl HalfRows {
     /// Of `[rows, cols]` numbers. What fits 16-bit floats is kept exactly.
@@ -84,14 +86,25 @@ impl HalfRows {
     }
     /// `y = M x`.
     pub(crate) fn times(&self, x: &[f32], y: &mut [f32]) {
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for (r, y) in y.iter_mut().enumerate() {
-                    *y = self.scale[r] * dot(&self.data[r * self.cols..][..self.cols], x);
-                }
-            },
-        );
+        widest(Products { rows: self, x, y });
+    }
+}
+
+/// See [`HalfRows::times`].
+struct Products<'a> {
+    rows: &'a HalfRows,
+    x: &'a [f32],
+    y: &'a mut [f32],
+}
+
+impl NullaryFnOnce for Products<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let HalfRows { cols, data, scale } = self.rows;
+        for (r, y) in self.y.iter_mut().enumerate() {
+            *y = scale[r] * dot(&data[r * cols..(r + 1) * cols], self.x);
+        }
     }
 }
 
@@ -105,8 +118,17 @@ fn dot(a: &[Half], b: &[f32]) -> f32 {
             lanes[i] += a[i].widened() * WIDENED * b[i];
         }
     }
-    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a.widened() * WIDENED * b).sum();
-    ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7])) + rest
+    for (i, (a, b)) in a_rest.iter().zip(b_rest).enumerate() {
+        lanes[i] += a.widened() * WIDENED * b;
+    }
+    let mut count = LANES / 2;
+    while count > 0 {
+        for i in 0..count {
+            lanes[i] += lanes[i + count];
+        }
+        count /= 2;
+    }
+    lanes[0]
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
+use crate::Precision;
 use crate::blocks::{BLOCK, Blocks, ByteRows};
 use crate::half::{Half, HalfRows};
-use crate::Precision;
+use pulp::NullaryFnOnce;
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -38,7 +39,7 @@ const LANES: usize = 8;
 
 /// Rows that [`add_combination`] streams together; a power of two. Sixteen are too many for the compiler to make vector code
 /// of for WebAssembly, which takes three times as long without.
-pub(crate) const TOGETHER: usize = if cfg!(target_family = "wasm") { 4 } else { 16 };
+const TOGETHER: usize = if cfg!(target_family = "wasm") { 4 } else { 16 };
 
 impl Matrix {
     /// Takes `rows * cols` numbers, row after row. Panics if the length differs (a programming error).
@@ -152,14 +153,7 @@ impl Matrix {
     pub fn times(&self, x: &[f32], y: &mut [f32]) {
         assert_eq!((x.len(), y.len()), (self.cols, self.rows), "matrix times vector");
         match &self.store {
-            Store::Whole(data) => pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    for (r, y) in y.iter_mut().enumerate() {
-                        *y = dot(&data[r * self.cols..(r + 1) * self.cols], x);
-                    }
-                },
-            ),
+            Store::Whole(rows) => widest(Products { rows, x, y }),
             Store::Half(half) => half.times(x, y),
             Store::HalfBlocks(_) | Store::Bytes(_) => {
                 y.iter_mut().enumerate().for_each(|(r, y)| *y = dot(&self.numbers_of_row(r), x));
@@ -196,31 +190,82 @@ impl Matrix {
 /// registers that the processor has, in the same order of additions on every one.
 pub(crate) fn add_combination(rows: &[f32], x: &[f32], y: &mut [f32], columns: Range<usize>) {
     assert_eq!(rows.len(), y.len() * x.len(), "rows of a combination");
-    pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            let cols = y.len();
-            let y = &mut y[columns.clone()];
-            let (groups, rest) = x.as_chunks::<TOGETHER>();
-            for (g, x) in groups.iter().enumerate() {
-                let row = |k: usize| &rows[(TOGETHER * g + k) * cols..][columns.clone()];
-                let rows: [&[f32]; TOGETHER] = std::array::from_fn(row);
-                for (i, y) in y.iter_mut().enumerate() {
-                    let mut sums: [f32; TOGETHER] = std::array::from_fn(|k| x[k] * rows[k][i]);
-                    let mut count = TOGETHER / 2;
-                    while count > 0 {
-                        (0..count).for_each(|k| sums[k] += sums[k + count]);
-                        count /= 2;
-                    }
-                    *y += sums[0];
+    widest(Combination { rows, x, y, columns });
+}
+
+/// Runs work in the widest registers that the processor has. A type and not a closure: the compiler does not always put the
+/// body of a closure where it may use them.
+pub(crate) fn widest<W: NullaryFnOnce>(work: W) -> W::Output {
+    pulp::Arch::new().dispatch(work)
+}
+
+/// See [`add_combination`].
+struct Combination<'a> {
+    rows: &'a [f32],
+    x: &'a [f32],
+    y: &'a mut [f32],
+    columns: Range<usize>,
+}
+
+impl NullaryFnOnce for Combination<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let Self { rows, x, y, columns } = self;
+        let cols = y.len();
+        let y = &mut y[columns.clone()];
+        let (groups, rest) = x.as_chunks::<TOGETHER>();
+        for (g, x) in groups.iter().enumerate() {
+            let mut of_group: [&[f32]; TOGETHER] = [&[]; TOGETHER];
+            for (k, row) in of_group.iter_mut().enumerate() {
+                *row = &rows[(TOGETHER * g + k) * cols..][columns.start..columns.end];
+            }
+            for (i, y) in y.iter_mut().enumerate() {
+                let mut sums = [0.0; TOGETHER];
+                for k in 0..TOGETHER {
+                    sums[k] = x[k] * of_group[k][i];
                 }
+                *y += folded(sums);
             }
-            for (k, x) in rest.iter().enumerate() {
-                let row = &rows[(TOGETHER * groups.len() + k) * cols..][columns.clone()];
-                y.iter_mut().zip(row).for_each(|(y, a)| *y += x * a);
+        }
+        for (k, x) in rest.iter().enumerate() {
+            let row = &rows[(TOGETHER * groups.len() + k) * cols..][columns.start..columns.end];
+            for (y, a) in y.iter_mut().zip(row) {
+                *y += x * a;
             }
-        },
-    );
+        }
+    }
+}
+
+/// The sum of all, halves onto each other.
+#[inline(always)]
+fn folded(mut sums: [f32; TOGETHER]) -> f32 {
+    let mut count = TOGETHER / 2;
+    while count > 0 {
+        for k in 0..count {
+            sums[k] += sums[k + count];
+        }
+        count /= 2;
+    }
+    sums[0]
+}
+
+/// `y = M x` for rows of the length of `x` that stand one after the other.
+struct Products<'a> {
+    rows: &'a [f32],
+    x: &'a [f32],
+    y: &'a mut [f32],
+}
+
+impl NullaryFnOnce for Products<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let cols = self.x.len();
+        for (r, y) in self.y.iter_mut().enumerate() {
+            *y = dot(&self.rows[r * cols..(r + 1) * cols], self.x);
+        }
+    }
 }
 
 /// Inner product in [`LANES`] partial sums.
@@ -235,7 +280,10 @@ pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
             lanes[i] += a[i] * b[i];
         }
     }
-    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    let mut rest = 0.0;
+    for (a, b) in a_rest.iter().zip(b_rest) {
+        rest += a * b;
+    }
     ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7])) + rest
 }
 

@@ -2,8 +2,8 @@ use crate::descriptor::{DescriptorConfig, DescriptorParts, FeatureKind, PoseEnco
 use crate::detail::Part;
 use crate::times::{StepPart, Watch};
 use crate::{
-    AutoregressiveModel, AutoregressiveState, DeltaBasis, FeedbackModel, FeedbackState, Linear, Regressor, RegressorState,
-    Subspace, SubspaceScratch,
+    AutoregressiveModel, AutoregressiveState, DeltaBasis, FeedbackModel, FeedbackState, Linear, Regressor,
+    RegressorState, Subspace, SubspaceScratch,
 };
 use std::borrow::Cow;
 use std::sync::Arc;

@@ -105,7 +105,11 @@ impl HeldPose {
 impl<B: Deref<Target = Bundle>> Player<B> {
     /// A player of a body of shape `beta` at rest. Missing coefficients count as zero, surplus ones are ignored.
     pub fn new(bundle: B, beta: &[f32]) -> Result<Self> {
-        let descriptor = Descriptor::with_parts(&bundle.descriptor, &bundle.body, bundle.model.descriptor_parts(&bundle.descriptor))?;
+        let descriptor = Descriptor::with_parts(
+            &bundle.descriptor,
+            &bundle.body,
+            bundle.model.descriptor_parts(&bundle.descriptor),
+        )?;
         let (found, expected) = (descriptor.len(), bundle.model.feature_count());
         if found != expected {
             return Err(BundleError::Input(format!(

@@ -2,7 +2,7 @@ use crate::Precision;
 use crate::blocks::BLOCK;
 use crate::correctives::Correctives;
 use glam::{Affine3A, Mat3, Vec3};
-use softtissue_body::{BodyModel, Pose, ShapedBody};
+use softtissue_body::{BodyModel, Pose, ShapedBody, SkinWeights};
 use softtissue_geometry::rotation_from_axis_angle;
 use std::ops::Range;
 use std::sync::Arc;
@@ -84,7 +84,7 @@ impl Posing {
         let rest = shaped.vertices.iter().zip(&self.offsets);
         let out = self.transforms.iter_mut().zip(&mut self.skinned);
         for ((skin, (rest, offset)), (transform, skinned)) in body.skin.iter().zip(rest).zip(out) {
-            *transform = skin.blend(joints);
+            *transform = blend(joints, skin);
             *skinned = transform.transform_point3(*rest + *offset);
         }
     }
@@ -96,4 +96,18 @@ impl Posing {
             *vertex = *skinned + transform.transform_vector3(*delta) + shift;
         }
     }
+}
+
+/// [`SkinWeights::blend`] where the compiler can see it: it runs for every vertex.
+#[inline(always)]
+fn blend(joints: &[Affine3A], skin: &SkinWeights) -> Affine3A {
+    let mut sum = Affine3A::ZERO;
+    for (joint, weight) in skin.joints.iter().zip(skin.weights) {
+        if weight > 0.0 {
+            let transform = &joints[usize::from(*joint)];
+            sum.matrix3 += transform.matrix3 * weight;
+            sum.translation += transform.translation * weight;
+        }
+    }
+    sum
 }

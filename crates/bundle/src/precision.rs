@@ -22,7 +22,7 @@ pub enum Precision {
 }
 
 /// Delta modes of a bundle in bytes that have a second byte for what the first one leaves: they hold most of the motion.
-pub const REFINED: usize = 32;
+pub const REFINED: usize = 64;
 
 impl Precision {
     /// All of them, most bits first.
@@ -199,5 +199,6 @@ fn reduce_modes(modes: &mut Matrix, precision: Precision) -> std::result::Result
 }
 
 fn rounded(matrix: &Matrix) -> std::result::Result<Vec<f32>, String> {
-    half::rounded(&matrix.numbers()).map_err(|x| format!("a matrix with {x} in it, beyond 16-bit floats; keep it in f32"))
+    half::rounded(&matrix.numbers())
+        .map_err(|x| format!("a matrix with {x} in it, beyond 16-bit floats; keep it in f32"))
 }

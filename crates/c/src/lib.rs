@@ -312,11 +312,7 @@ pub unsafe extern "C" fn softtissue_control(
 /// # Safety
 /// `player` is NULL or living, and used by nobody else; `still` is NULL or a text that ends in zero.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn softtissue_detail(
-    player: *mut OwnPlayer,
-    components: usize,
-    still: *const c_char,
-) -> c_int {
+pub unsafe extern "C" fn softtissue_detail(player: *mut OwnPlayer, components: usize, still: *const c_char) -> c_int {
     call(-1, || {
         // SAFETY: the caller's.
         let own = unsafe { own(player, "player") }?;

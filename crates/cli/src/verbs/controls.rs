@@ -23,7 +23,8 @@ pub fn controls(args: &AnimateArgs, body: &BodyModel) -> Result<Controls> {
             controls.everywhere = Control { gain, ..control };
             continue;
         }
-        let region = region(name).map_err(|known| wrong(format!("{name:?} is no region; choose everywhere, {known}")))?;
+        let region =
+            region(name).map_err(|known| wrong(format!("{name:?} is no region; choose everywhere, {known}")))?;
         controls.regions.push((region, control));
     }
     controls.painted = args.paint.as_deref().map(|path| painted(path, body)).transpose()?;

@@ -120,7 +120,9 @@ fn of_shape(gru: &Gru, shape: &[f32]) -> Gru {
 fn fused(graph: &mut Graph, gru: &Gru, inputs: usize, x: &str, hidden: &str) {
     let width = gru.width();
     let gates = [1, 0, 2].map(|g| g * width..(g + 1) * width);
-    let rows = |m: &Matrix| -> Vec<f32> { gates.iter().cloned().flatten().flat_map(|r| m.numbers_of_row(r).into_owned()).collect() };
+    let rows = |m: &Matrix| -> Vec<f32> {
+        gates.iter().cloned().flatten().flat_map(|r| m.numbers_of_row(r).into_owned()).collect()
+    };
     let biases = |b: &[f32]| -> Vec<f32> { gates.iter().flat_map(|g| b[g.clone()].to_vec()).collect() };
     let w = graph.numbers("gru.w", &[1, 3 * width, inputs], &rows(&gru.w_ih));
     let r = graph.numbers("gru.r", &[1, 3 * width, width], &rows(&gru.w_hh));
