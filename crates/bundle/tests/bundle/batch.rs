@@ -74,3 +74,16 @@ fn nobody_and_another_number_of_poses_are_refused() {
     assert!(batch.step(&[pose; 4]).unwrap_err().to_string().contains("4 poses for 5 characters"));
     batch.step(&[pose; 5]).unwrap();
 }
+
+#[test]
+fn the_example_of_a_crowd_plays_and_the_documentation_quotes_it() {
+    let dir = tempfile::tempdir().unwrap();
+    bundle(Parts::default()).write(dir.path()).unwrap();
+    let heights = crate::crowd::crowd(dir.path()).unwrap();
+    assert!(heights.len() == 3 && heights.iter().all(|h| (1.5..2.5).contains(h)), "{heights:?}");
+    let home = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(home.join("../../docs/play.md")).unwrap();
+    let snippet = page.split("```rust\n").nth(2).unwrap().split_once("```").unwrap().0;
+    let example = std::fs::read_to_string(home.join("examples/crowd.rs")).unwrap();
+    assert!(example.contains(snippet.trim_end()) && snippet.contains("Batch::new"));
+}

@@ -12,6 +12,9 @@
 mod autoregressive;
 mod batch;
 mod controls;
+#[path = "../../examples/crowd.rs"]
+#[expect(dead_code, reason = "its `main` is for the command line")]
+mod crowd;
 mod descriptor;
 mod detail;
 mod feedback;
