@@ -1,3 +1,4 @@
+use crate::detail::Part;
 use crate::{BundleError, Model, ModelState, Result};
 use glam::Vec3;
 use softtissue_body::{BodyModel, Region};
@@ -167,11 +168,11 @@ impl Mixer {
     }
 
     /// One frame: features in, `deltas [V]` out. Returns how many features were clipped.
-    pub(crate) fn step(&mut self, model: &Model, features: &[f32], deltas: &mut [Vec3]) -> usize {
+    pub(crate) fn step(&mut self, model: &Model, features: &[f32], deltas: &mut [Vec3], part: Option<&Part>) -> usize {
         let mut clipped = 0;
         deltas.fill(Vec3::ZERO);
         for voice in &mut self.voices {
-            clipped = clipped.max(voice.step(model, features));
+            clipped = clipped.max(voice.step(model, features, part));
             voice.add_to(deltas);
         }
         clipped
@@ -209,7 +210,7 @@ impl Voice {
 
     /// The model's own frames are `softness` frames long: a filter of response `H(f)` becomes one of `H(softness f)`,
     /// whatever the model. Each step sees the mean of the features since the one before, so that no impact is missed.
-    fn step(&mut self, model: &Model, features: &[f32]) -> usize {
+    fn step(&mut self, model: &Model, features: &[f32], part: Option<&Part>) -> usize {
         let Self { gathered, filled, held, newest, older, .. } = self;
         let model = self.model.as_ref().unwrap_or(model);
         let (mut left, mut clipped) = (1.0f32, 0);
@@ -221,7 +222,7 @@ impl Voice {
                 *g = 0.0;
             }
             std::mem::swap(newest, older);
-            clipped = clipped.max(model.step(held, &mut self.state, newest));
+            clipped = clipped.max(model.step_part(held, &mut self.state, newest, part));
             left -= taken;
             *filled = 0.0;
         }
@@ -274,7 +275,7 @@ impl Delay {
 }
 
 /// The share of each region in each vertex, `[regions][V]`: one inside, falling off across its edge; they sum to one.
-fn region_shares(body: &BodyModel) -> Vec<Vec<f32>> {
+pub(crate) fn region_shares(body: &BodyModel) -> Vec<Vec<f32>> {
     let adjacency = Adjacency::new(&body.topology);
     let share = |region: Region| {
         let mut share: Vec<f32> = body.regions.0.iter().map(|r| f32::from(u8::from(*r == region))).collect();

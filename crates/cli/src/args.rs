@@ -155,7 +155,7 @@ pub struct ShapeArgs {
 
 /// `export`.
 #[derive(Debug, Args)]
-#[group(id = "written", required = true, multiple = true, args = ["onnx", "plain_onnx", "web"])]
+#[group(id = "written", required = true, multiple = true, args = ["onnx", "plain_onnx", "web", "out"])]
 pub struct ExportArgs {
     /// The bundle folder.
     pub bundle: PathBuf,
@@ -171,6 +171,13 @@ pub struct ExportArgs {
     /// Write a web page that plays the bundle, a folder that any web server can host; needs a build with `--features web`.
     #[arg(long, value_name = "DIR")]
     pub web: Option<PathBuf>,
+    /// Write the bundle in fewer bits: `f16`, or `i8` for the least memory. What it loses is measured, printed and kept in the
+    /// manifest.
+    #[arg(long, requires = "out", value_name = "f16|i8")]
+    pub precision: Option<String>,
+    /// The folder of that bundle.
+    #[arg(long, requires = "precision", value_name = "DIR")]
+    pub out: Option<PathBuf>,
     /// Motions of the page.
     #[command(flatten)]
     pub motions: PageMotionArgs,
@@ -241,6 +248,12 @@ pub struct AnimateArgs {
     /// Paint the gain: an OBJ file in the body's topology with vertex colours; white keeps, black stops the flesh.
     #[arg(long, value_name = "FILE")]
     pub paint: Option<PathBuf>,
+    /// Level of detail: make the deltas of so many components of the basis only, the most important first.
+    #[arg(long, value_name = "N")]
+    pub components: Option<usize>,
+    /// Level of detail: leave this region rigid. Once for each region.
+    #[arg(long, value_name = "REGION")]
+    pub still: Vec<String>,
     /// What to write: `.glb` or `.gltf`, `.usda`, a point cache `.pc2` or `.mdd` with its mesh as `.obj` beside it, `.png` (a
     /// picture of some frames), or a folder for an OBJ sequence.
     #[arg(long, value_name = "FILE")]

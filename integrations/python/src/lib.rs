@@ -102,16 +102,21 @@ impl Player {
         if region == "everywhere" {
             controls.everywhere = control;
         } else {
-            let Some(named) = Region::ALL.into_iter().find(|r| r.name() == region) else {
-                let known = Region::ALL.map(Region::name).join(", ");
-                return Err(PyValueError::new_err(format!("{region:?} is no region; choose everywhere, {known}")));
-            };
+            let named = self::region(region, "everywhere, ")?;
             controls.regions.retain(|(r, _)| *r != named);
             controls.regions.push((named, control));
         }
         self.player.set_controls(&controls).map_err(refused)?;
         self.controls = controls;
         Ok(())
+    }
+
+    /// Level of detail, from the next frame on: the displacements of so many components of the basis, the most important first,
+    /// and regions that are left rigid ("head", "hands", ...). Never starts over.
+    #[pyo3(signature = (components = None, still = vec![]))]
+    fn detail(&mut self, components: Option<usize>, still: Vec<String>) -> PyResult<()> {
+        let still = still.iter().map(|name| region(name, "")).collect::<PyResult<_>>()?;
+        self.player.set_detail(&core::Detail { components, still }).map_err(refused)
     }
 
     /// Forgets the motion: the next pose is a first one.
@@ -192,11 +197,23 @@ impl Player {
     fn report(&self) -> Vec<&'static str> {
         self.report.clone()
     }
+    /// Bytes of weights that a frame reads once, in full detail.
+    #[getter]
+    fn weight_bytes(&self) -> usize {
+        self.player.weight_bytes()
+    }
     /// Frames between a pose and its deltas, where the model looks ahead.
     #[getter]
     fn delay_frames(&self) -> usize {
         self.player.delay_frames()
     }
+}
+
+/// The region of a name; `beside` is what else could have been said.
+fn region(name: &str, beside: &str) -> PyResult<Region> {
+    let known = || Region::ALL.map(Region::name).join(", ");
+    let region = Region::ALL.into_iter().find(|r| r.name() == name);
+    region.ok_or_else(|| PyValueError::new_err(format!("{name:?} is no region; choose {beside}{}", known())))
 }
 
 fn names(report: &core::StepReport) -> Vec<&'static str> {

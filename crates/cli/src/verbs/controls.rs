@@ -5,7 +5,7 @@ use crate::exit::{InputError, UsageError};
 use anyhow::Result;
 use glam::Vec3;
 use softtissue_body::{BodyModel, Region};
-use softtissue_bundle::{Control, Controls};
+use softtissue_bundle::{Control, Controls, Detail};
 use softtissue_import::{ImportLimits, read_obj_frame};
 use std::path::Path;
 
@@ -28,9 +28,8 @@ pub fn controls(args: &AnimateArgs, body: &BodyModel) -> Result<Controls> {
             controls.everywhere = Control { gain, ..control };
             continue;
         }
-        let known = || Region::ALL.map(Region::name).join(", ");
-        let region = Region::ALL.into_iter().find(|r| r.name() == name);
-        let region = region.ok_or_else(|| wrong(format!("{name:?} is no region; choose everywhere, {}", known())))?;
+        let region =
+            region(name).map_err(|known| wrong(format!("{name:?} is no region; choose everywhere, {known}")))?;
         controls.regions.push((region, control));
     }
     controls.painted = args.paint.as_deref().map(|path| painted(path, body)).transpose()?;
@@ -62,6 +61,21 @@ pub fn line(region: Region, control: &Control) -> String {
     let changes: Vec<String> = changes.map(|(name, value, _)| format!("{name}={value}")).collect();
     let changes = if changes.is_empty() { "gain=1".into() } else { changes.join(",") };
     format!("{}:{changes}", region.name())
+}
+
+/// How much of the flesh `animate` was asked to compute.
+pub fn detail(args: &AnimateArgs) -> Result<Detail> {
+    let still = |name: &String| {
+        region(name).map_err(|known| UsageError(format!("--still {name:?} is no region; choose {known}")))
+    };
+    let still = args.still.iter().map(still).collect::<std::result::Result<_, _>>()?;
+    Ok(Detail { components: args.components, still })
+}
+
+/// The region of a name; all names where there is none.
+fn region(name: &str) -> std::result::Result<Region, String> {
+    let region = Region::ALL.into_iter().find(|r| r.name() == name);
+    region.ok_or_else(|| Region::ALL.map(Region::name).join(", "))
 }
 
 fn control(changes: &str) -> std::result::Result<Control, String> {

@@ -14,6 +14,7 @@ pub mod import;
 pub mod inspect;
 mod motion;
 mod page;
+mod precision;
 pub mod synth;
 pub mod train;
 pub mod tune;
