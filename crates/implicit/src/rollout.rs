@@ -329,9 +329,9 @@ mod tests {
         let config = RolloutConfig::default();
         assert_eq!(config.windows(0..75, 3), [20..50, 40..70, 60..75]);
         assert_eq!(config.windows(50..95, 3), [60..90, 80..95]);
-        assert_eq!(config.windows(40..41, 3), [40..41]);
-        assert_eq!(config.windows(0..60, 25), [40..60]);
-        assert!(config.windows(0..20, 3).is_empty() && config.windows(5..3, 0).is_empty());
+        assert_eq!(config.windows(40..61, 3), [40..61, 60..61]);
+        assert_eq!(config.windows(0..80, 25), [40..70, 60..80]);
+        assert!(config.windows(0..20, 3).is_empty() && config.windows(7..7, 0).is_empty());
     }
 
     #[test]
