@@ -3,21 +3,22 @@ use crate::objective::Objective;
 use crate::packed::PackedBody;
 use crate::solver::{LevenbergMarquardt, PoseProblem, PoseSolver};
 use crate::subject::{SubjectModel, fit_subject};
+use crate::taken::TakenPeople;
 use crate::weights::{VelocityChange, mean_weights, rigidity_weights};
 use crate::{DeltaForm, FitConfig, FitError, Result, Solver, TriangleForm};
 use glam::Vec3;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use softtissue_body::BodyModel;
 use softtissue_clips::{ClipEntry, ClipId, DeltaClip, FitSet, FittedSubject, Part, ScanSet, Split};
 use softtissue_geometry::{Adjacency, Frames};
 use softtissue_monitor::Monitor;
-use std::collections::BTreeSet;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// How well a clip was fitted; one line of `quality.json`.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ClipQuality {
     /// Which clip.
     pub id: ClipId,
@@ -33,6 +34,11 @@ pub struct ClipQuality {
     pub refused: bool,
 }
 
+/// People whose fit a finished set already holds, by name: the folder of a set that was fitted to the same scans of the
+/// person, with the same training clips of theirs, on the same body, with the same settings and solver. The caller vouches
+/// for that.
+pub type FittedPeople = BTreeMap<String, PathBuf>;
+
 /// [`fit_set_with`] this crate's own solver, which `fit.solver` must name.
 pub fn fit_set(
     scans: &ScanSet,
@@ -46,7 +52,7 @@ pub fn fit_set(
         let remedy = "write \"levenberg-marquardt\" where no other solver is at hand";
         return Err(FitError::Config { field: "solver", value: "\"adam\"".into(), remedy });
     }
-    fit_set_with(&LevenbergMarquardt(config), scans, split, body, config, out, monitor)
+    fit_set_with(&LevenbergMarquardt(config), scans, split, body, config, &FittedPeople::new(), out, monitor)
 }
 
 /// Fits all clips of a split and writes the fit set: `motions/`, `deltas/`, `subjects/`, `quality.json` and, last,
@@ -58,13 +64,15 @@ pub fn fit_set(
 /// left-out clip that cannot be fitted is reported, not an error; a training clip is an error.
 ///
 /// `solver` finds the clips' poses. What a subject is comes from this crate's own, whichever it is: it needs a few
-/// frames only.
+/// frames only. People of `fitted` who train are taken from there as they are, since nobody else's clips reach them.
+#[expect(clippy::too_many_arguments, reason = "a fit's whole context, used in one place")]
 pub fn fit_set_with(
     solver: &dyn PoseSolver,
     scans: &ScanSet,
     split: &Split,
     body: &BodyModel,
     config: &FitConfig,
+    fitted: &FittedPeople,
     out: &Path,
     monitor: &dyn Monitor,
 ) -> Result<FitSet> {
@@ -72,10 +80,12 @@ pub fn fit_set_with(
     split.check()?;
     check_body(scans, body)?;
     let ids: BTreeSet<&ClipId> = split.train.iter().chain(&split.validation).chain(&split.test).collect();
+    let taken = TakenPeople::read(fitted, split, &ids)?;
+    let ids: Vec<&ClipId> = ids.into_iter().filter(|id| !taken.holds(&id.subject)).collect();
     let packed = Arc::new(PackedBody::new(body));
-    let subjects = fit_subjects(scans, split, body, &packed, config, monitor)?;
+    let subjects = fit_subjects(scans, split, body, &packed, &taken, config, monitor)?;
 
-    let frames: usize = scans.clips().iter().filter(|c| ids.contains(&c.id)).map(|c| c.frames).sum();
+    let frames: usize = scans.clips().iter().filter(|c| ids.contains(&&c.id)).map(|c| c.frames).sum();
     monitor.begin("fit: poses and deltas", frames as u64, "frames");
     let adjacency = Adjacency::new(&body.topology);
     let triangles = match config.delta_form {
@@ -83,7 +93,6 @@ pub fn fit_set_with(
         DeltaForm::Triangles => Some(TriangleForm::new(&body.template, &body.topology, config.triangle_smoothness)?),
     };
     let surface = Surface { adjacency: &adjacency, triangles: triangles.as_ref() };
-    let ids: Vec<&ClipId> = ids.into_iter().collect();
     let fit_one = |id: &&ClipId| {
         let subject = subjects.iter().find(|s| s.name == id.subject).expect("every subject of the split is fitted");
         let training = split.part(id) == Some(Part::Train);
@@ -91,12 +100,14 @@ pub fn fit_set_with(
     };
     let clips: Vec<ClipResult> = ids.par_iter().map(fit_one).collect::<Result<_>>()?;
     monitor.end();
-    write_subjects(&subjects, &clips, split, out)?;
-    let quality: Vec<&ClipQuality> = clips.iter().map(|c| &c.quality).collect();
+    write_subjects(&subjects, &clips, &taken, split, out)?;
+    taken.copy(out)?;
+    let mut quality: Vec<&ClipQuality> = clips.iter().map(|c| &c.quality).chain(taken.quality()).collect();
+    quality.sort_by_key(|q| &q.id);
     softtissue_store::write_json_atomic(&out.join("quality.json"), &quality)?;
     let provenance =
         serde_json::json!({ "stage": "fit", "config": config, "split": split, "scans": scans.provenance() });
-    let entries = clips.into_iter().map(|c| c.entry).collect();
+    let entries = clips.into_iter().map(|c| c.entry).chain(taken.clips()).collect();
     Ok(FitSet::finish(out, body.vertex_count(), &body.topology.hash(), provenance, entries)?)
 }
 
@@ -117,6 +128,7 @@ fn fit_subjects(
     split: &Split,
     body: &BodyModel,
     packed: &Arc<PackedBody>,
+    taken: &TakenPeople,
     config: &FitConfig,
     monitor: &dyn Monitor,
 ) -> Result<Vec<SubjectModel>> {
@@ -125,13 +137,16 @@ fn fit_subjects(
     let names: BTreeSet<&str> = split.train.iter().map(|id| id.subject.as_str()).collect();
     let new_names: BTreeSet<&str> =
         left_out.iter().map(|id| id.subject.as_str()).filter(|n| !names.contains(n)).collect();
+    let names: Vec<&str> = names.into_iter().filter(|name| !taken.holds(name)).collect();
     monitor.begin("fit: subjects", (names.len() + new_names.len()) as u64, "subjects");
     let mut subjects = Vec::new();
     for name in names {
         subjects.push(fit_subject(scans, name, &of(&split.train, name), None, body, packed, config, monitor)?);
         monitor.advance(1, name);
     }
-    let shared = mean_weights(subjects.iter().map(|s: &SubjectModel| s.fit_weight.as_slice()));
+    let own = subjects.iter().map(|s: &SubjectModel| (s.name.as_str(), s.fit_weight.as_slice()));
+    let theirs = taken.subjects().map(|s| (s.subject.as_str(), s.fit_weight.as_slice()));
+    let shared = mean_weights(by_name(own.chain(theirs)));
     for name in new_names {
         subjects.push(fit_subject(
             scans,
@@ -246,15 +261,28 @@ pub(crate) fn clip_deltas(
     (deltas, count)
 }
 
-fn write_subjects(subjects: &[SubjectModel], clips: &[ClipResult], split: &Split, out: &Path) -> Result<()> {
+/// In the order of their names, so that sums do not depend on who was taken from where.
+fn by_name<'a>(weights: impl Iterator<Item = (&'a str, &'a [f32])>) -> impl Iterator<Item = &'a [f32]> {
+    weights.collect::<BTreeMap<_, _>>().into_values()
+}
+
+fn write_subjects(
+    subjects: &[SubjectModel],
+    clips: &[ClipResult],
+    taken: &TakenPeople,
+    split: &Split,
+    out: &Path,
+) -> Result<()> {
     let trains = |name: &str| split.train.iter().any(|id| id.subject == name);
     let vertex_count = subjects.first().map_or(0, |s| s.fit_weight.len());
     let own = |name: &str| {
         let changes = clips.iter().filter(|c| c.entry.id.subject == name).filter_map(|c| c.change.as_ref());
         rigidity_weights(changes, vertex_count)
     };
-    let of_training: Vec<Vec<f32>> = subjects.iter().filter(|s| trains(&s.name)).map(|s| own(&s.name)).collect();
-    let shared = mean_weights(of_training.iter().map(Vec::as_slice));
+    let of_training: Vec<(&str, Vec<f32>)> =
+        subjects.iter().filter(|s| trains(&s.name)).map(|s| (s.name.as_str(), own(&s.name))).collect();
+    let theirs = taken.subjects().map(|s| (s.subject.as_str(), s.rigidity_weight.as_slice()));
+    let shared = mean_weights(by_name(of_training.iter().map(|(name, w)| (*name, w.as_slice())).chain(theirs)));
     for subject in subjects {
         let rigidity_weight = match &shared {
             Some(shared) if !trains(&subject.name) => shared.clone(),

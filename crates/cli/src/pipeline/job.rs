@@ -2,7 +2,8 @@
 
 use super::body::{KeptBody, load_body};
 use super::context::{Context, Place, fingerprint};
-use super::scans::{FIT, Scans, fit_scans, import_or_open, make_scans};
+use super::fits::{FIT, fit_scans};
+use super::scans::{Scans, import_or_open, make_scans};
 use crate::exit::UsageError;
 use anyhow::Result;
 use serde_json::json;

@@ -1,21 +1,20 @@
 //! Scans and their fit: made, opened or brought in.
 
-use super::body::KeptBody;
 use super::context::{Context, fingerprint};
+use super::fits::fit_clips;
 use super::foreign::bring_in;
 use crate::config::Config;
 use crate::exit::InputError;
 use anyhow::Result;
 use softtissue_body::BodyModel;
-use softtissue_clips::{ClipId, FitSet, ScanSet, Split, TruthSet};
+use softtissue_clips::{ScanSet, Split, TruthSet};
 use softtissue_eval::{FitMetrics, Scene, judge_fit};
-use softtissue_fit::{FitConfig, ObjectiveKind, Solver, fit_set, fit_set_with};
+use softtissue_fit::{FitConfig, FittedPeople, ObjectiveKind};
 use softtissue_geometry::Topology;
 use softtissue_import::scans::ScanImportConfig;
 use softtissue_monitor::Monitor;
 use softtissue_store::{Sha256, sha256_file};
 use softtissue_synth::dataset;
-use softtissue_train::AdamSolver;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -62,7 +61,8 @@ impl Scans {
                 scene.fit.clone()
             } else {
                 let device = &context.config.device;
-                fit_clips(&self.set, &part, body, &config, device, &folder.join(name), context.monitor)?
+                let nobody = FittedPeople::new();
+                fit_clips(&self.set, &part, body, &config, device, &nobody, &folder.join(name), context.monitor)?
             };
             if let Some(metrics) = judge_fit(&Scene { fit: &fit, ..*scene }, judged, context.monitor)? {
                 found.insert(name.to_owned(), metrics);
@@ -187,46 +187,4 @@ fn check_set(set: &ScanSet, config: &Config, topology: &Topology) -> Result<()> 
         );
     }
     Ok(())
-}
-
-/// Raised whenever the same scans, body and settings would give another fit, so that a kept one is not mistaken.
-pub const FIT: u32 = 4;
-
-/// Fits all clips of a split, or finds the fit in the cache.
-pub fn fit_scans(
-    config: &Config,
-    scans: &Scans,
-    body: &KeptBody,
-    split: &Split,
-    data_dir: &Path,
-    monitor: &dyn Monitor,
-) -> Result<FitSet> {
-    let ids: Vec<&ClipId> = split.train.iter().chain(&split.validation).chain(&split.test).collect();
-    let made_of = (env!("CARGO_PKG_VERSION"), FIT, &scans.fingerprint, &body.sha256);
-    let name = fingerprint(&(made_of, &config.fit, &split.train, ids))?;
-    let out = data_dir.join("cache").join(format!("fit-{name}"));
-    if out.join("index.json").exists() {
-        monitor.say(&format!("  fit: found in {}", out.display()));
-        return Ok(FitSet::open(&out)?);
-    }
-    fit_clips(&scans.set, split, &body.model, &config.fit, &config.device, &out, monitor)
-}
-
-/// Fits with the solver that the settings name; `device` is where the one of tensors works.
-pub fn fit_clips(
-    scans: &ScanSet,
-    split: &Split,
-    body: &BodyModel,
-    config: &FitConfig,
-    device: &str,
-    out: &Path,
-    monitor: &dyn Monitor,
-) -> Result<FitSet> {
-    Ok(match config.solver {
-        Solver::LevenbergMarquardt => fit_set(scans, split, body, config, out, monitor)?,
-        Solver::Adam => {
-            let solver = AdamSolver::new(config.adam.clone(), softtissue_train::device::parse(device)?);
-            fit_set_with(&solver, scans, split, body, config, out, monitor)?
-        }
-    })
 }

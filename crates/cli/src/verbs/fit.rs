@@ -9,6 +9,7 @@ use crate::terminal::Terminal;
 use crate::verbs::data_dir;
 use anyhow::Result;
 use softtissue_clips::FitSet;
+use softtissue_fit::FittedPeople;
 use std::path::Path;
 
 /// Runs the verb.
@@ -25,7 +26,8 @@ pub fn run(args: &FitArgs, signals: &Signals) -> Result<()> {
         );
     }
     FitSet::begin(&args.out)?;
-    let fit = fit_clips(&scans.set, &split, &body, &config.fit, &config.device, &args.out, &terminal)?;
+    let nobody = FittedPeople::new();
+    let fit = fit_clips(&scans.set, &split, &body, &config.fit, &config.device, &nobody, &args.out, &terminal)?;
     crate::print_line(&format!("{} clips fitted: {}", fit.clips().len(), args.out.display()));
     Ok(())
 }

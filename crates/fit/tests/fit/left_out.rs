@@ -1,7 +1,7 @@
 use crate::scans::{CLEAN, Recipe, Truth, joint_errors, median};
 use glam::Vec3;
 use softtissue_clips::{ClipId, FitSet, ScanSet, Split};
-use softtissue_fit::{FitConfig, fit_set};
+use softtissue_fit::{FitConfig, FittedPeople, LevenbergMarquardt, fit_set, fit_set_with};
 use softtissue_geometry::Frames;
 use softtissue_monitor::Silent;
 use std::path::{Path, PathBuf};
@@ -60,6 +60,41 @@ fn a_poisoned_left_out_clip_changes_no_other_bytes() {
     assert_eq!(changed, expected, "only the poisoned clip's own files may change");
     let set = FitSet::open(&dir.path().join("after")).unwrap();
     assert!(set.clips().iter().all(|c| set.deltas(&c.id).is_ok()), "every file stays readable");
+}
+
+#[test]
+fn people_taken_from_another_splits_fit_are_the_same_bytes_and_not_fitted_again() {
+    let recipe = Recipe { frames: 12, flesh: 0.01, ..CLEAN };
+    let truth = Truth::new(&recipe);
+    let ids = [("a", "walk"), ("a", "run"), ("b", "walk"), ("b", "run"), ("c", "walk"), ("c", "run")]
+        .map(|(s, m)| ClipId::new(s, m, 0));
+    let dir = tempfile::tempdir().unwrap();
+    let scans = truth.write(&dir.path().join("scans"), &ids, &recipe);
+    let fit = |split: &Split, people: &FittedPeople, name: &str| {
+        let (config, out) = (FitConfig::default(), dir.path().join(name));
+        fit_set_with(&LevenbergMarquardt(&config), &scans, split, &truth.body, &config, people, &out, &Silent).unwrap();
+        files(&out).into_iter().map(|(path, bytes)| (path.strip_prefix(&out).unwrap().to_owned(), bytes)).collect()
+    };
+    // c trains in the first split; in the second it is new, and borrows weights from people who are not fitted again.
+    let [a_walk, a_run, b_walk, b_run, c_walk, c_run] = ids.clone();
+    let train = vec![a_walk.clone(), b_walk.clone(), b_run.clone(), c_walk.clone()];
+    let first = Split { train, validation: vec![a_run.clone()], test: vec![c_run.clone()] };
+    let second = Split { train: vec![a_walk, b_walk, b_run], validation: vec![a_run], test: vec![c_walk, c_run] };
+    let nobody = FittedPeople::new();
+    let _: Vec<(PathBuf, Vec<u8>)> = fit(&first, &nobody, "first");
+    let whole: Vec<_> = fit(&second, &nobody, "whole");
+    // c does not train in the second split, and is not taken.
+    let people = ["a", "b", "c"].map(|name| (name.to_owned(), dir.path().join("first"))).into();
+    for id in &ids[..4] {
+        let mut spoilt = truth.scan(id, &recipe);
+        spoilt.vertices.points_mut().fill(Vec3::splat(1e6));
+        spoilt.write(&ScanSet::scan_path(&dir.path().join("scans"), id)).unwrap();
+    }
+    let taken: Vec<_> = fit(&second, &people, "taken");
+    assert_eq!(taken.len(), whole.len());
+    for ((path, a), (other, b)) in whole.iter().zip(&taken) {
+        assert!(path == other && a == b, "{} is another", path.display());
+    }
 }
 
 #[test]

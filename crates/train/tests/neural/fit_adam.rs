@@ -6,8 +6,8 @@ use glam::Vec3;
 use softtissue_body::{BodyModel, Pose, ShapedBody};
 use softtissue_clips::{ClipEntry, ClipId, FitSet, ScanClip, ScanSet, Split};
 use softtissue_fit::{
-    AdamFitConfig, FitConfig, FitError, Objective, ObjectiveKind, PackedBody, Solver, WeightedBody, fit_motion,
-    fit_set, fit_set_with,
+    AdamFitConfig, FitConfig, FitError, FittedPeople, Objective, ObjectiveKind, PackedBody, Solver, WeightedBody,
+    fit_motion, fit_set, fit_set_with,
 };
 use softtissue_geometry::Frames;
 use softtissue_monitor::{Monitor, Silent};
@@ -204,7 +204,7 @@ fn as_the_second_solver_it_makes_the_same_fit() {
     config.check().expect("a solver that there is");
     let by_adam = |config: &FitConfig, name: &str, monitor: &dyn Monitor| {
         let solver = AdamSolver::new(config.adam.clone(), Device::flex());
-        fit_set_with(&solver, &scans, &split, &case.body, config, &dir.path().join(name), monitor)
+        fit_set_with(&solver, &scans, &split, &case.body, config, &FittedPeople::new(), &dir.path().join(name), monitor)
     };
     let analytic = FitConfig { solver: Solver::LevenbergMarquardt, ..config.clone() };
     let analytic = fit_set(&scans, &split, &case.body, &analytic, &dir.path().join("lm"), &Silent).expect("a fit");
@@ -252,7 +252,8 @@ fn a_rate_that_blows_up_is_an_error_with_its_frame() {
     let adam = AdamFitConfig { learning_rate: 1e30, iterations: 4, ..AdamFitConfig::default() };
     let config = FitConfig { solver: Solver::Adam, adam, ..FitConfig::default() };
     let solver = AdamSolver::new(config.adam.clone(), Device::flex());
-    let error = fit_set_with(&solver, &scans, &split, &case.body, &config, &dir.path().join("fit"), &Silent);
+    let (nobody, out) = (FittedPeople::new(), dir.path().join("fit"));
+    let error = fit_set_with(&solver, &scans, &split, &case.body, &config, &nobody, &out, &Silent);
     let error = error.map(|_| ()).unwrap_err().to_string();
     assert!(error.contains("s/m") || error.contains("frame 0"), "{error}");
     assert!(error.contains("fit.adam.learning_rate"), "{error}");
