@@ -28,7 +28,7 @@ fn observers_stand_on_the_posed_body_and_look_outwards() {
     }
 }
 
-/// Root mean square error of a smooth field of amplitude one, wavelengths 0.7 and 0.9 m, that `count` observers pass on.
+/// Root mean square error of a field of two waves of amplitude one and 0.7 m that `count` observers pass on.
 fn passed_on(count: usize) -> f32 {
     let (rest, topology) = (&body().template, &body().topology);
     let observers = Observers::spread(rest, count).unwrap();
