@@ -16,7 +16,6 @@ mod model;
 mod start;
 mod subject;
 mod surface;
-mod tree;
 
 pub use config::RegistrationConfig;
 

@@ -1,12 +1,11 @@
 use super::config::RegistrationConfig;
-use super::tree::SurfaceTree;
 use crate::pose_state::{Kinematics, PoseState};
 use crate::weights::region_weights;
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 use softtissue_body::{BodyModel, Region, ShapedBody};
 use softtissue_clips::RawFrame;
-use softtissue_geometry::{Adjacency, vertex_normals};
+use softtissue_geometry::{Adjacency, SurfaceTree, vertex_normals};
 
 /// What is the same for all subjects and frames.
 pub(crate) struct Registrar<'a> {

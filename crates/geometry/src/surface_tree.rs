@@ -3,8 +3,8 @@ use parry3d::bounding_volume::Aabb;
 use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
 
-/// Triangles in a bounding-volume tree.
-pub(crate) struct SurfaceTree<'a> {
+/// Triangles in a bounding-volume tree, for the closest place on their surface.
+pub struct SurfaceTree<'a> {
     tree: Bvh,
     positions: &'a [Vec3],
     faces: &'a [[u32; 3]],
@@ -12,12 +12,14 @@ pub(crate) struct SurfaceTree<'a> {
     normals: Vec<Vec3>,
 }
 
-/// The closest place on a surface.
+/// A place on a surface, and how far it lies from the point that asked for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Place {
+pub struct Place {
+    /// The triangle.
     pub face: u32,
-    /// Of the face's corners; not negative, sum one.
+    /// Of the triangle's corners; not negative, sum one.
     pub weights: [f32; 3],
+    /// Metres.
     pub distance: f32,
 }
 
@@ -25,6 +27,7 @@ pub(crate) struct Place {
 const LEAST_COSINE: f32 = 0.3;
 
 impl<'a> SurfaceTree<'a> {
+    /// A tree over the triangles `faces` of `positions`, metres.
     pub fn new(positions: &'a [Vec3], faces: &'a [[u32; 3]]) -> Self {
         let corners = |f: &[u32; 3]| f.map(|i| positions[i as usize]);
         let boxes: Vec<Aabb> = faces
@@ -56,12 +59,12 @@ impl<'a> SurfaceTree<'a> {
                 return None;
             }
             let [a, b, c] = self.faces[face as usize].map(|i| self.positions[i as usize]);
-            let distance = (closest_weights(point, a, b, c).1 - point).length_squared();
+            let distance = (closest_on_triangle(point, a, b, c).1 - point).length_squared();
             (distance < best).then_some(distance)
         };
         let (face, squared_distance) = self.tree.find_best(reach * reach, squared, on_face)?;
         let [a, b, c] = self.faces[face as usize].map(|i| self.positions[i as usize]);
-        let (weights, _) = closest_weights(point, a, b, c);
+        let (weights, _) = closest_on_triangle(point, a, b, c);
         Some(Place { face, weights, distance: squared_distance.sqrt() })
     }
 }
@@ -75,8 +78,9 @@ fn vec3(p: Vector) -> Vec3 {
 }
 
 /// Weights of the corners at the closest point of a triangle, and that point: by the regions of its plane in which a
-/// corner, an edge or the inside is closest (Ericson 2005, sec. 5.1.5).
-fn closest_weights(p: Vec3, a: Vec3, b: Vec3, c: Vec3) -> ([f32; 3], Vec3) {
+/// corner, an edge or the inside is closest (Ericson 2005, sec. 5.1.5). On an edge or a corner the other weights are
+/// exactly zero.
+pub fn closest_on_triangle(p: Vec3, a: Vec3, b: Vec3, c: Vec3) -> ([f32; 3], Vec3) {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     let at = |w: [f32; 3]| (w, a * w[0] + b * w[1] + c * w[2]);
