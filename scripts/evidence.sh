@@ -237,11 +237,11 @@ part_flesh() {
         train "$method" --set method="$method"
         [ "$method" = softtissue ] || others+=(--against "$(run_of "$method")")
     done
-    $only_check || {
-        "$softtissue" synth --config "$config" --out "$runs/second-law" --set synth.flesh.law=second --quiet
-        "$softtissue" synth --config "$config" --out "$runs/other-flesh" --set synth.subjects.other_flesh=1 --quiet
-    }
     for name in second-law other-flesh; do
+        local other=synth.flesh.law=second
+        [ $name = second-law ] || other=synth.subjects.other_flesh=1
+        $only_check || [ -e "$out/$name.txt" ] ||
+            "$softtissue" synth --config "$config" --out "$runs/$name" --set $other --quiet
         keep "$name" "$run/on-$name/metrics.json" "$softtissue" eval "$run" --on "$runs/$name" "${others[@]}"
         holds "$name" body "${methods[@]}"
     done

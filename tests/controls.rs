@@ -1,6 +1,6 @@
 //! What an animator changes of an animation.
 
-use crate::support::{Said, folder, softtissue, tiny_run};
+use crate::support::{Said, folder, softtissue, tiny_run, tiny_scans};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -100,4 +100,29 @@ fn controls_that_cannot_be_are_refused_in_a_sentence() {
         animate(&out, &more).refused(code, &words);
         assert!(!out.exists());
     }
+}
+
+#[test]
+fn flesh_is_tuned_to_a_clip_and_played_so() {
+    let home = folder("tuned");
+    let (bundle, scans) = (tiny_run().path.join("bundle").display().to_string(), tiny_scans().display().to_string());
+    let file = home.join("person.txt");
+    let out = file.display().to_string();
+    let tune = |more: &[&str]| softtissue(&[&["tune", &bundle, "--scans", &scans, "--out", &out], more].concat());
+    tune(&["--clip", "s01/jumping_jacks.0"]).fine();
+    let text = std::fs::read_to_string(&file).expect("controls");
+    for region in ["belly:", "chest:", "buttocks:", "thighs:", "upper-arms:"] {
+        assert_eq!(text.lines().filter(|l| l.starts_with(region)).count(), 1, "{text}");
+    }
+    // The file is worth what its lines say.
+    let lines = text.lines().filter(|l| !l.starts_with('#'));
+    let typed: Vec<&str> = lines.flat_map(|l| ["--control", l]).collect();
+    animate(&home.join("typed"), &typed).fine();
+    animate(&home.join("kept"), &["--controls", &out]).fine();
+    assert_eq!(last(&home.join("typed")), last(&home.join("kept")));
+
+    tune(&[]).refused(2, &["--clip", "s00/jumping_jacks.0"]);
+    tune(&["--clip", "s01/juggling.0"]).refused(3, &["juggling", "s00/jumping_jacks.0"]);
+    std::fs::write(&file, "belly:gain=1\nbelly:colour=2\n").expect("a file");
+    animate(&home.join("bad"), &["--controls", &out]).refused(2, &["person.txt line 2", "colour"]);
 }

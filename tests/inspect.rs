@@ -249,3 +249,20 @@ fn bundles_runs_fits_and_bodies_are_drawn() {
     softtissue(&["inspect", &text(&cache), "--picture", &picture]).refused(2, &["--picture", "cache"]);
     assert!(!home.join("none.png").exists());
 }
+
+#[test]
+fn measures_are_printed_as_eval_prints_them() {
+    let run = tiny_run();
+    let path = run.path.join("metrics.json").display().to_string();
+    let tables = softtissue(&["inspect", &path]).fine().out.clone();
+    for title in ["Error of vertices in mm", "Energy by region", "other sources of pose", "Time of a frame"] {
+        assert!(tables.contains(title), "{title} in {tables}");
+    }
+    let json: serde_json::Value =
+        serde_json::from_str(&softtissue(&["inspect", &path, "--json"]).fine().out).expect("JSON");
+    assert!(json["methods"]["softtissue"]["soft_ratio"].is_number());
+    softtissue(&["inspect", &path, "--picture", "x.png"]).refused(2, &["--picture"]);
+    let other = folder("no-measures").join("other.json");
+    std::fs::write(&other, "{\"schema\": 999}").expect("a file");
+    softtissue(&["inspect", &other.display().to_string()]).refused(3, &["other.json", "999"]);
+}

@@ -1,5 +1,6 @@
 //! The real command, as a user meets it. One binary; a line a module.
 
+mod autoavatar;
 mod bad_input;
 mod bodies;
 mod browser;

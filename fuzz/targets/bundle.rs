@@ -1,4 +1,4 @@
-//! Bundles: one of a small bundle's three files changed in some places and cut, with a manifest that knows its new hash.
+//! Bundles in every precision: one of a small bundle's three files changed in some places and cut, with a manifest that knows its new hash.
 
 #![no_main]
 
@@ -7,24 +7,27 @@
 mod tiny;
 
 use libfuzzer_sys::fuzz_target;
-use softtissue_bundle::Bundle;
+use softtissue_bundle::{Bundle, Precision};
 use softtissue_fuzz::{home, laid, sentence};
 use softtissue_store::sha256_bytes;
 use std::sync::LazyLock;
 
 const FILES: [&str; 3] = ["body.safetensors", "model.safetensors", "manifest.json"];
 
-/// The three files of a small bundle.
-static WHOLE: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
+/// The three files of a small bundle, in every precision.
+static WHOLE: LazyLock<[[Vec<u8>; 3]; 3]> = LazyLock::new(|| {
     let dir = home().join("whole");
-    tiny::bundle(tiny::Parts::default()).write(&dir).expect("a bundle");
-    FILES.map(|name| std::fs::read(dir.join(name)).expect("a file"))
+    let whole = tiny::bundle(tiny::Parts::default());
+    Precision::ALL.map(|precision| {
+        whole.reduced(precision).expect("fewer bits").write(&dir).expect("a bundle");
+        FILES.map(|name| std::fs::read(dir.join(name)).expect("a file"))
+    })
 });
 
 fuzz_target!(|data: &[u8]| {
     let Some((&[which, cut, by], changes)) = data.split_first_chunk() else { return };
-    let which = usize::from(which) % FILES.len();
-    let mut files = WHOLE.clone();
+    let (precision, which) = (usize::from(which) / FILES.len() % WHOLE.len(), usize::from(which) % FILES.len());
+    let mut files = WHOLE[precision].clone();
     let file = &mut files[which];
     for [high, low, byte] in changes.as_chunks().0 {
         let at = usize::from(u16::from_be_bytes([*high, *low])) % file.len();

@@ -1,14 +1,16 @@
+use crate::blocks::{BLOCK, ByteRows};
 use crate::descriptor::{FeatureScaling, PoseEncoder};
 use crate::feedback::{FeedbackModel, FeedbackPerson};
 use crate::limits::Limits as Range;
 use crate::manifest::{AutoregressiveForm, FeedbackForm, ModelForm, PersonForm, RecurrentForm};
 use crate::{
     Ar2, AutoregressiveModel, BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model, PersonDynamics,
-    Recurrent, RecurrentModel, Regressor, ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace, ThreeLayers,
+    Precision, Recurrent, RecurrentModel, Regressor, ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace,
+    ThreeLayers, half,
 };
 use softtissue_body::BodyBuild;
 use softtissue_geometry::Frames;
-use softtissue_store::{Limits, TensorFile, TensorFileWriter};
+use softtissue_store::{DType, Limits, TensorFile, TensorFileWriter};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -103,7 +105,15 @@ impl<'a> Writer<'a> {
         let DeltaBasis { mean, directions, coefficient_mean } = basis;
         let v = mean.len() / 3;
         self.numbers("basis.mean", &[v, 3], mean);
-        self.numbers("basis.directions", &[directions.rows(), v, 3], directions.data());
+        match directions.byte_rows() {
+            Some(ByteRows { lines, bytes, scale }) => {
+                let bytes = bytes.into_iter().map(i8::cast_unsigned).collect();
+                self.file.raw("basis.directions", DType::I8, &[lines, v, 3], bytes);
+                let scales = scale.iter().flat_map(|s| s.to_le_bytes()).collect();
+                self.file.raw("basis.directions.scale", DType::F32, &[lines, directions.blocks()], scales);
+            }
+            None => self.matrix_of_shape("basis.directions", &[directions.rows(), v, 3], directions),
+        }
         self.vector("basis.coefficient_mean", coefficient_mean);
     }
     fn numbers(&mut self, name: &str, shape: &[usize], numbers: &'a [f32]) {
@@ -116,7 +126,15 @@ impl<'a> Writer<'a> {
         self.numbers(name, &[numbers.len()], numbers);
     }
     fn matrix(&mut self, name: &str, matrix: &'a Matrix) {
-        self.numbers(name, &[matrix.rows(), matrix.cols()], matrix.data());
+        self.matrix_of_shape(name, &[matrix.rows(), matrix.cols()], matrix);
+    }
+    fn matrix_of_shape(&mut self, name: &str, shape: &[usize], matrix: &'a Matrix) {
+        match matrix.whole() {
+            Some(numbers) => self.numbers(name, shape, numbers),
+            None => {
+                self.file.raw(name, DType::F16, shape, half::to_bytes(&matrix.numbers()));
+            }
+        }
     }
     fn linear(&mut self, name: &str, linear: &'a Linear) {
         self.matrix(&format!("{name}.weight"), &linear.weight);
@@ -138,8 +156,8 @@ impl<'a> Writer<'a> {
 
 /// Reads all arrays: every one that the manifest asks for, finite, and none besides. Sizes are checked against each
 /// other by the bundle.
-pub(crate) fn read(file: &TensorFile, form: &ModelForm, fps: f32) -> Result<Arrays> {
-    let reader = Reader { file, read: RefCell::default() };
+pub(crate) fn read(file: &TensorFile, form: &ModelForm, fps: f32, precision: Precision) -> Result<Arrays> {
+    let reader = Reader { file, precision, read: RefCell::default() };
     let model = match form {
         ModelForm::Recurrent(form) => Model::Recurrent(reader.recurrent(form, fps)?),
         ModelForm::Feedback(form) => Model::Feedback(reader.feedback(form)?),
@@ -154,6 +172,7 @@ pub(crate) fn read(file: &TensorFile, form: &ModelForm, fps: f32) -> Result<Arra
 
 struct Reader<'a> {
     file: &'a TensorFile,
+    precision: Precision,
     read: RefCell<BTreeSet<String>>,
 }
 
@@ -178,18 +197,23 @@ impl Reader<'_> {
     }
 
     fn feedback(&self, FeedbackForm { people, latent_limits }: &FeedbackForm) -> Result<FeedbackModel> {
+        if self.precision == Precision::I8 {
+            return Err(
+                self.refused("it is in i8, which a bundle without delta modes cannot be; export the bundle again")
+            );
+        }
         let person = |(i, name): (usize, &String)| {
             let part = |part: &str| format!("person.{i}.{part}");
             Ok(FeedbackPerson {
                 name: name.clone(),
                 beta: self.vector(&part("beta"))?,
                 encoder: ThreeLayers([
-                    self.linear(&part("encoder.0"))?,
-                    self.linear(&part("encoder.1"))?,
-                    self.linear(&part("encoder.2"))?,
+                    self.network(&part("encoder.0"))?,
+                    self.network(&part("encoder.1"))?,
+                    self.network(&part("encoder.2"))?,
                 ]),
-                hidden: self.linear(&part("hidden"))?,
-                output: self.linear(&part("output"))?,
+                hidden: self.network(&part("hidden"))?,
+                output: self.network(&part("output"))?,
                 pose_limits: self.range(&part("poses"))?,
                 latent_limits: latent_limits.then(|| self.range(&part("latents"))).transpose()?,
             })
@@ -204,18 +228,44 @@ impl Reader<'_> {
     fn subspace(&self, form: &RecurrentForm) -> Result<Subspace> {
         let basis = self.basis()?;
         let encoder =
-            Encoder { units: self.units("encoder", form.encoder_units)?, project: self.linear("encoder.project")? };
-        let decoder = Decoder { lift: self.linear("decoder.lift")?, units: self.units("decoder", form.decoder_units)? };
+            Encoder { units: self.units("encoder", form.encoder_units)?, project: self.network("encoder.project")? };
+        let decoder =
+            Decoder { lift: self.network("decoder.lift")?, units: self.units("decoder", form.decoder_units)? };
         Ok(Subspace { basis, encoder, decoder })
     }
 
     fn basis(&self) -> Result<DeltaBasis> {
-        let [k, v, _] = self.shape("basis.directions")?;
-        Ok(DeltaBasis {
-            mean: self.numbers("basis.mean", &[v, 3])?,
-            directions: Matrix::new(k, 3 * v, self.numbers("basis.directions", &[k, v, 3])?),
-            coefficient_mean: self.vector("basis.coefficient_mean")?,
-        })
+        let [lines, v, _] = self.shape("basis.directions")?;
+        let mean = self.numbers("basis.mean", &[v, 3])?;
+        let coefficient_mean = self.vector("basis.coefficient_mean")?;
+        let shape = [lines, v, 3];
+        let directions = match self.precision {
+            Precision::F32 => Matrix::new(lines, 3 * v, self.numbers("basis.directions", &shape)?),
+            Precision::F16 => Matrix::new(lines, 3 * v, self.halves("basis.directions", &shape)?).halved_blocks(),
+            Precision::I8 => self.byte_rows(coefficient_mean.len(), lines, v)?,
+        };
+        Ok(DeltaBasis { mean, directions, coefficient_mean })
+    }
+
+    /// `k` delta modes in `lines` rows of bytes.
+    fn byte_rows(&self, k: usize, lines: usize, v: usize) -> Result<Matrix> {
+        if !(k..=k.saturating_mul(2)).contains(&lines) {
+            return Err(self.refused(&format!(
+                "basis.directions has {lines} rows of bytes for {k} modes, expected one or two for each; export the bundle again"
+            )));
+        }
+        self.expect("basis.directions", &[lines, v, 3])?;
+        let bytes = self.file.bytes("basis.directions", DType::I8, None)?;
+        let scale = self.numbers("basis.directions.scale", &[lines, (3 * v).div_ceil(BLOCK)])?;
+        // A factor in the range of ordinary numbers is a step of something.
+        if let Some(i) = scale.iter().position(|s| !(s.is_normal() && *s > 0.0)) {
+            return Err(self.refused(&format!(
+                "basis.directions.scale holds {} at place {i}, expected a number above 0; export the bundle again",
+                scale[i]
+            )));
+        }
+        let bytes = bytes.into_iter().map(u8::cast_signed).collect();
+        Ok(Matrix::from_byte_rows(k, 3 * v, &ByteRows { lines, bytes, scale }))
     }
 
     fn autoregressive(&self, form: &AutoregressiveForm) -> Result<AutoregressiveModel> {
@@ -262,12 +312,12 @@ impl Reader<'_> {
         let recurrent = match form.recurrent {
             true => {
                 let gru = Gru {
-                    w_ih: self.matrix("regressor.gru.w_ih")?,
-                    w_hh: self.matrix("regressor.gru.w_hh")?,
+                    w_ih: self.network_matrix("regressor.gru.w_ih")?,
+                    w_hh: self.network_matrix("regressor.gru.w_hh")?,
                     b_ih: self.vector("regressor.gru.b_ih")?,
                     b_hh: self.vector("regressor.gru.b_hh")?,
                 };
-                Some(Recurrent { gru, readout: self.linear("regressor.readout")? })
+                Some(Recurrent { gru, readout: self.network("regressor.readout")? })
             }
             false => None,
         };
@@ -278,7 +328,7 @@ impl Reader<'_> {
             mass: form.mass,
             bank,
             direct: form.direct,
-            shortcut: self.linear("regressor.shortcut")?,
+            shortcut: self.network("regressor.shortcut")?,
             recurrent,
         })
     }
@@ -306,12 +356,26 @@ impl Reader<'_> {
     }
 
     fn units(&self, name: &str, count: usize) -> Result<Vec<ResidualUnit>> {
-        let part = |i: usize, part: &str| self.linear(&format!("{name}.unit.{i}.{part}"));
+        let part = |i: usize, part: &str| self.network(&format!("{name}.unit.{i}.{part}"));
         (0..count).map(|i| Ok(ResidualUnit { inner: part(i, "inner")?, outer: part(i, "outer")? })).collect()
     }
 
     fn linear(&self, name: &str) -> Result<Linear> {
         Ok(Linear { weight: self.matrix(&format!("{name}.weight"))?, bias: self.vector(&format!("{name}.bias"))? })
+    }
+
+    /// A layer whose matrix has fewer bits in a bundle of fewer bits.
+    fn network(&self, name: &str) -> Result<Linear> {
+        let weight = self.network_matrix(&format!("{name}.weight"))?;
+        Ok(Linear { weight, bias: self.vector(&format!("{name}.bias"))? })
+    }
+
+    fn network_matrix(&self, name: &str) -> Result<Matrix> {
+        if self.precision == Precision::F32 {
+            return self.matrix(name);
+        }
+        let [rows, cols] = self.shape(name)?;
+        Ok(Matrix::new(rows, cols, self.halves(name, &[rows, cols])?).halved())
     }
 
     fn matrix(&self, name: &str) -> Result<Matrix> {
@@ -325,6 +389,24 @@ impl Reader<'_> {
     }
 
     fn numbers(&self, name: &str, expected: &[usize]) -> Result<Vec<f32>> {
+        self.expect(name, expected)?;
+        let numbers = self.file.f32(name)?;
+        match numbers.iter().position(|x| !x.is_finite()) {
+            Some(i) => Err(self.refused(&format!("{name} holds {} at place {i}; train and export again", numbers[i]))),
+            None => Ok(numbers),
+        }
+    }
+
+    /// 16-bit floats.
+    fn halves(&self, name: &str, expected: &[usize]) -> Result<Vec<f32>> {
+        self.expect(name, expected)?;
+        let numbers = half::from_bytes(&self.file.bytes(name, DType::F16, None)?);
+        let damaged = || format!("{name} holds a number that is not finite; train and export again");
+        numbers.ok_or_else(|| self.refused(&damaged()))
+    }
+
+    /// An array of this shape, which counts as read.
+    fn expect(&self, name: &str, expected: &[usize]) -> Result<()> {
         let shape = self.file.require_shape(name, expected.len())?;
         if shape != expected {
             return Err(
@@ -332,11 +414,7 @@ impl Reader<'_> {
             );
         }
         self.read.borrow_mut().insert(name.to_owned());
-        let numbers = self.file.f32(name)?;
-        match numbers.iter().position(|x| !x.is_finite()) {
-            Some(i) => Err(self.refused(&format!("{name} holds {} at place {i}; train and export again", numbers[i]))),
-            None => Ok(numbers),
-        }
+        Ok(())
     }
 
     fn indices(&self, name: &str) -> Result<Vec<u32>> {

@@ -103,7 +103,7 @@ pub struct AutoregressiveState {
     scaled: Vec<f32>,
     last: Vec<f32>,
     before: Vec<f32>,
-    /// Coefficients without the basis's mean.
+    /// Coefficients with the basis's mean.
     decoded: Vec<f32>,
 }
 
@@ -158,16 +158,13 @@ impl AutoregressiveModel {
     /// One frame: the descriptor's `features` to `deltas [V * 3]`, metres. Returns how many features were clipped to
     /// their range in training. Allocates nothing.
     pub fn step(&self, features: &[f32], state: &mut AutoregressiveState, deltas: &mut [f32]) -> usize {
-        self.watched_step(features, state, deltas, &mut ())
+        let clipped = self.predict(features, state, &mut ());
+        self.basis.sum(&state.decoded, deltas, None);
+        clipped
     }
 
-    pub(crate) fn watched_step(
-        &self,
-        features: &[f32],
-        state: &mut AutoregressiveState,
-        deltas: &mut [f32],
-        watch: &mut impl Watch,
-    ) -> usize {
+    /// The same up to the coefficients, in [`AutoregressiveState::decoded`].
+    pub(crate) fn predict(&self, features: &[f32], state: &mut AutoregressiveState, watch: &mut impl Watch) -> usize {
         let AutoregressiveState { dynamics, scaled, last, before, decoded, .. } = state;
         self.input.apply(features, scaled);
         dynamics.step(scaled, last, before);
@@ -175,8 +172,7 @@ impl AutoregressiveModel {
         let clipped = self.input.outside(features);
         watch.lap(StepPart::Regressor);
         decoded.copy_from_slice(last);
-        self.basis.decode(decoded, deltas);
-        watch.lap(StepPart::Decoder);
+        self.basis.add_mean(decoded);
         clipped
     }
 
@@ -224,6 +220,14 @@ impl AutoregressiveState {
     /// Coefficients of the newest frame, `[K]`, metres.
     pub fn coefficients(&self) -> &[f32] {
         &self.last
+    }
+    /// Bytes of the matrices.
+    pub(crate) fn weight_bytes(&self) -> usize {
+        self.dynamics.lags.bytes() + self.dynamics.weight.bytes()
+    }
+    /// The same with the basis's mean.
+    pub(crate) fn decoded(&self) -> &[f32] {
+        &self.decoded
     }
     /// Whether the memory is finite.
     pub fn is_finite(&self) -> bool {

@@ -129,7 +129,7 @@ impl Bundle {
     pub fn check(&self) -> Result<(), String> {
         let Self { body, descriptor, model, .. } = self;
         model.check(descriptor)?;
-        if let Some(encoder) = model.descriptor_parts().encoder {
+        if let Some(encoder) = model.recurrent().and_then(|m| m.pose_encoder.as_ref()) {
             encoder.check(body.joint_count()).map_err(|reason| format!("{reason}; export it again"))?;
         }
         fits("model, vertices", &[model.vertex_count()], &[body.vertex_count()])?;

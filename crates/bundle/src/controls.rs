@@ -1,3 +1,4 @@
+use crate::detail::Part;
 use crate::{BundleError, Model, ModelState, Result};
 use glam::Vec3;
 use softtissue_body::{BodyModel, Region};
@@ -16,6 +17,9 @@ pub struct Control {
     pub damping: f32,
     /// Delay, seconds, 0 to 0.5. Default 0.
     pub lag: f32,
+    /// How much heavier the person is whose flesh this is, -3 to 3 in units of `beta[1]`, which falls as mass rises: what
+    /// the model knows of heavier people's flesh, on the same body. Default 0.
+    pub mass: f32,
 }
 
 /// Everything that an animator changes of a body.
@@ -23,7 +27,7 @@ pub struct Control {
 pub struct Controls {
     /// Of the whole body.
     pub everywhere: Control,
-    /// Of regions, on top of that: factors multiply, lags add. Edges between regions are blended.
+    /// Of regions, on top of that: factors multiply, lags and masses add. Edges between regions are blended.
     pub regions: Vec<(Region, Control)>,
     /// Factor on the deltas of each vertex, `[V]`, on top of the rest.
     pub painted: Option<Vec<f32>>,
@@ -33,12 +37,13 @@ const MOST_GAIN: f32 = 100.0;
 const SOFTNESS: std::ops::RangeInclusive<f32> = 0.25..=4.0;
 const DAMPING: std::ops::RangeInclusive<f32> = 0.1..=10.0;
 const LAG: std::ops::RangeInclusive<f32> = 0.0..=0.5;
+const MASS: std::ops::RangeInclusive<f32> = -3.0..=3.0;
 /// Rounds in which each vertex becomes the mean of itself and its neighbours, to blend regions into each other.
 const BLENDING: usize = 6;
 
 impl Default for Control {
     fn default() -> Self {
-        Self { gain: 1.0, softness: 1.0, damping: 1.0, lag: 0.0 }
+        Self { gain: 1.0, softness: 1.0, damping: 1.0, lag: 0.0, mass: 0.0 }
     }
 }
 
@@ -49,6 +54,7 @@ impl Control {
             softness: self.softness * other.softness,
             damping: self.damping * other.damping,
             lag: self.lag + other.lag,
+            mass: self.mass + other.mass,
         }
     }
 
@@ -58,6 +64,7 @@ impl Control {
             ("softness", self.softness, SOFTNESS),
             ("damping", self.damping, DAMPING),
             ("lag", self.lag, LAG),
+            ("mass", self.mass, MASS),
         ];
         match fields.into_iter().find(|(_, value, range)| !range.contains(value)) {
             Some((name, value, range)) => Err(BundleError::Input(format!(
@@ -71,7 +78,8 @@ impl Control {
 
     /// Whether two parts move as one, but for the gain.
     fn rings_like(&self, other: &Self) -> bool {
-        (self.softness, self.damping, self.lag) == (other.softness, other.damping, other.lag)
+        let voice = |c: &Self| (c.softness, c.damping, c.lag, c.mass);
+        voice(self) == voice(other)
     }
 }
 
@@ -160,11 +168,11 @@ impl Mixer {
     }
 
     /// One frame: features in, `deltas [V]` out. Returns how many features were clipped.
-    pub(crate) fn step(&mut self, model: &Model, features: &[f32], deltas: &mut [Vec3]) -> usize {
+    pub(crate) fn step(&mut self, model: &Model, features: &[f32], deltas: &mut [Vec3], part: Option<&Part>) -> usize {
         let mut clipped = 0;
         deltas.fill(Vec3::ZERO);
         for voice in &mut self.voices {
-            clipped = clipped.max(voice.step(model, features));
+            clipped = clipped.max(voice.step(model, features, part));
             voice.add_to(deltas);
         }
         clipped
@@ -183,8 +191,11 @@ impl Voice {
     fn new(control: Control, weights: Vec<f32>, model: &Model, beta: &[f32], fps: f32) -> Result<Self> {
         let damped = if control.damping == 1.0 { None } else { Some(with_damping(model, control.damping)?) };
         let size = 3 * weights.len();
+        let mut flesh = beta.to_vec();
+        flesh.resize(flesh.len().max(2), 0.0);
+        flesh[1] -= control.mass;
         Ok(Self {
-            state: damped.as_ref().unwrap_or(model).start(beta),
+            state: damped.as_ref().unwrap_or(model).start(&flesh),
             model: damped,
             weights,
             softness: control.softness,
@@ -199,7 +210,7 @@ impl Voice {
 
     /// The model's own frames are `softness` frames long: a filter of response `H(f)` becomes one of `H(softness f)`,
     /// whatever the model. Each step sees the mean of the features since the one before, so that no impact is missed.
-    fn step(&mut self, model: &Model, features: &[f32]) -> usize {
+    fn step(&mut self, model: &Model, features: &[f32], part: Option<&Part>) -> usize {
         let Self { gathered, filled, held, newest, older, .. } = self;
         let model = self.model.as_ref().unwrap_or(model);
         let (mut left, mut clipped) = (1.0f32, 0);
@@ -211,7 +222,7 @@ impl Voice {
                 *g = 0.0;
             }
             std::mem::swap(newest, older);
-            clipped = clipped.max(model.step(held, &mut self.state, newest));
+            clipped = clipped.max(model.step_part(held, &mut self.state, newest, part));
             left -= taken;
             *filled = 0.0;
         }
@@ -264,7 +275,7 @@ impl Delay {
 }
 
 /// The share of each region in each vertex, `[regions][V]`: one inside, falling off across its edge; they sum to one.
-fn region_shares(body: &BodyModel) -> Vec<Vec<f32>> {
+pub(crate) fn region_shares(body: &BodyModel) -> Vec<Vec<f32>> {
     let adjacency = Adjacency::new(&body.topology);
     let share = |region: Region| {
         let mut share: Vec<f32> = body.regions.0.iter().map(|r| f32::from(u8::from(*r == region))).collect();

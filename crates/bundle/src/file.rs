@@ -112,7 +112,8 @@ impl Bundle {
             ));
         }
         let model_path = model.path();
-        let arrays::Arrays { model: learned, self_check } = arrays::read(model, &manifest.model, manifest.fps)?;
+        let arrays::Arrays { model: learned, self_check } =
+            arrays::read(model, &manifest.model, manifest.fps, manifest.precision)?;
         let bundle = Self { info: manifest.info, body, descriptor: manifest.descriptor, model: learned, self_check };
         bundle.check().map_err(|reason| BundleError::refused(model_path, reason))?;
         bundle.run_self_check(dir)?;
@@ -128,7 +129,8 @@ impl Bundle {
 
     fn manifest_form(&self) -> Result<Manifest> {
         let lag_frames =
-            Descriptor::with_parts(&self.descriptor, &self.body, self.model.descriptor_parts())?.lag_frames();
+            Descriptor::with_parts(&self.descriptor, &self.body, self.model.descriptor_parts(&self.descriptor))?
+                .lag_frames();
         Ok(Manifest::of(self, lag_frames))
     }
 

@@ -1,14 +1,14 @@
 use crate::descriptor::DescriptorConfig;
 use crate::{
-    AutoregressiveModel, Bundle, BundleError, BundleInfo, FeedbackModel, MassLaw, Model, RecurrentModel, Resonator,
-    Result,
+    AutoregressiveModel, Bundle, BundleError, BundleInfo, FeedbackModel, MassLaw, Model, Precision, RecurrentModel,
+    Resonator, Result,
 };
 use serde::{Deserialize, Serialize};
 use softtissue_store::{StoreError, read_limited};
 use std::path::Path;
 
 /// Version of the format that this program writes, and the newest that it reads.
-pub const FORMAT_VERSION: u64 = 3;
+pub const FORMAT_VERSION: u64 = 4;
 /// First word of every manifest.
 const FORMAT: &str = "softtissue-bundle";
 /// First word of another kind of model, which is no bundle.
@@ -26,7 +26,7 @@ pub(crate) struct Manifest {
     up_axis: String,
     front_axis: String,
     pub(crate) fps: f32,
-    precision: String,
+    pub(crate) precision: Precision,
     look_ahead_frames: usize,
     /// Group delay of the features at rest.
     lag_frames: f32,
@@ -185,7 +185,7 @@ impl Manifest {
             up_axis: "+Y".into(),
             front_axis: "+Z".into(),
             fps: descriptor.fps,
-            precision: "f32".into(),
+            precision: model.precision(),
             look_ahead_frames: descriptor.look_ahead,
             lag_frames,
             topology: body.topology.hash(),
@@ -237,7 +237,6 @@ impl Manifest {
             ("units", self.units.as_str(), "metre, radian, second"),
             ("up axis", &self.up_axis, "+Y"),
             ("front axis", &self.front_axis, "+Z"),
-            ("precision", &self.precision, "f32"),
         ];
         if let Some((what, found, expected)) = words.into_iter().find(|(_, found, expected)| found != expected) {
             return Err(BundleError::refused(

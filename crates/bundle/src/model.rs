@@ -1,9 +1,11 @@
 use crate::descriptor::{DescriptorConfig, DescriptorParts, FeatureKind, PoseEncoder};
+use crate::detail::Part;
 use crate::times::{StepPart, Watch};
 use crate::{
-    AutoregressiveModel, AutoregressiveState, FeedbackModel, FeedbackState, Linear, Regressor, RegressorState,
-    Subspace, SubspaceScratch,
+    AutoregressiveModel, AutoregressiveState, DeltaBasis, FeedbackModel, FeedbackState, Linear, Regressor,
+    RegressorState, Subspace, SubspaceScratch,
 };
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// What turns a motion's features into deltas: a variant for each family of methods.
@@ -71,17 +73,22 @@ impl Model {
         }
     }
     /// Orthonormal delta modes `[K, V * 3]` that a descriptor may project forces on; `None` if the model has none.
-    pub fn modes(&self) -> Option<&[f32]> {
+    pub fn modes(&self) -> Option<Cow<'_, [f32]>> {
+        self.basis().map(|basis| basis.directions.numbers())
+    }
+    /// The basis of its deltas; `None` if it makes them without one.
+    pub fn basis(&self) -> Option<&DeltaBasis> {
         match self {
-            Self::Recurrent(m) => Some(m.subspace.basis.directions.data()),
+            Self::Recurrent(m) => Some(&m.subspace.basis),
             Self::Feedback(_) => None,
-            Self::Autoregressive(m) => Some(m.basis.directions.data()),
+            Self::Autoregressive(m) => Some(&m.basis),
         }
     }
-    /// What a descriptor needs of the model.
-    pub fn descriptor_parts(&self) -> DescriptorParts<'_> {
+    /// What a descriptor of these settings needs of the model.
+    pub fn descriptor_parts(&self, config: &DescriptorConfig) -> DescriptorParts<'_> {
+        let wanted = config.features == FeatureKind::ModalForces;
         let encoder = self.recurrent().and_then(|m| m.pose_encoder.as_ref());
-        DescriptorParts { modes: self.modes(), encoder }
+        DescriptorParts { modes: self.modes().filter(|_| wanted), encoder }
     }
     /// The recurrent model, where it is one.
     pub fn recurrent(&self) -> Option<&RecurrentModel> {
@@ -118,10 +125,26 @@ impl Model {
     /// One frame: features `[D]` in, `deltas [V * 3]` (metres, rest frame) out. Returns how many features were clipped
     /// to their range in training. Allocates nothing. Panics if the state is another model's.
     pub fn step(&self, features: &[f32], state: &mut ModelState, deltas: &mut [f32]) -> usize {
-        self.watched_step(features, state, deltas, &mut ())
+        self.step_part(features, state, deltas, None)
     }
 
-    pub(crate) fn watched_step(
+    /// The same of the part of the deltas that is wanted.
+    pub(crate) fn step_part(
+        &self,
+        features: &[f32],
+        state: &mut ModelState,
+        deltas: &mut [f32],
+        part: Option<&Part>,
+    ) -> usize {
+        let clipped = self.predict(features, state, deltas, &mut ());
+        if let (Some(basis), Some(coefficients)) = (self.basis(), state.coefficients()) {
+            basis.sum(coefficients, deltas, part);
+        }
+        clipped
+    }
+
+    /// One frame up to the coefficients of the basis, [`ModelState::coefficients`]; up to the deltas where there is none.
+    pub(crate) fn predict(
         &self,
         features: &[f32],
         state: &mut ModelState,
@@ -129,11 +152,9 @@ impl Model {
         watch: &mut impl Watch,
     ) -> usize {
         match (self, state) {
-            (Self::Recurrent(m), ModelState::Recurrent(state)) => m.step(features, state, deltas, watch),
+            (Self::Recurrent(m), ModelState::Recurrent(state)) => m.predict(features, state, watch),
             (Self::Feedback(m), ModelState::Feedback(state)) => m.watched_step(features, state, deltas, watch),
-            (Self::Autoregressive(m), ModelState::Autoregressive(state)) => {
-                m.watched_step(features, state, deltas, watch)
-            }
+            (Self::Autoregressive(m), ModelState::Autoregressive(state)) => m.predict(features, state, watch),
             _ => panic!("the state belongs to another kind of model"),
         }
     }
@@ -165,6 +186,14 @@ impl ModelState {
             Self::Autoregressive(s) => s.is_finite(),
         }
     }
+    /// What the basis of the deltas is multiplied by, `[K]`.
+    pub(crate) fn coefficients(&self) -> Option<&[f32]> {
+        match self {
+            Self::Recurrent(s) => Some(s.scratch.coefficients()),
+            Self::Feedback(_) => None,
+            Self::Autoregressive(s) => Some(s.decoded()),
+        }
+    }
     /// The few numbers behind the newest deltas.
     pub fn latent(&self) -> &[f32] {
         match self {
@@ -175,15 +204,40 @@ impl ModelState {
     }
 }
 
+impl Model {
+    /// Bytes of weights that a frame of this body reads.
+    pub(crate) fn weight_bytes(&self, state: &ModelState) -> usize {
+        let basis = self.basis().map_or(0, |b| size_of_val(&b.mean[..]) + b.directions.bytes());
+        let networks = match (self, state) {
+            (Self::Recurrent(m), ModelState::Recurrent(s)) => {
+                let units = m.subspace.decoder.units.iter().flat_map(|u| [&u.inner, &u.outer]);
+                let layers = units.chain([&m.subspace.decoder.lift]).map(|l| l.weight.bytes());
+                let recurrent = m.regressor.recurrent.as_ref();
+                let gru = recurrent.map(|r| r.gru.w_ih.bytes() + r.gru.w_hh.bytes() + r.readout.weight.bytes());
+                let encoder = m.pose_encoder.iter().flat_map(|e| &e.layers).map(|l| l.weight.bytes());
+                layers.chain(gru).chain(encoder).sum::<usize>() + s.regressor.shortcut_bytes()
+            }
+            (Self::Feedback(m), ModelState::Feedback(s)) => {
+                let person = &m.people[s.person()];
+                let layers = person.encoder.0.iter().chain([&person.hidden, &person.output]);
+                layers.map(|l| l.weight.bytes()).sum()
+            }
+            (Self::Autoregressive(_), ModelState::Autoregressive(s)) => s.weight_bytes(),
+            _ => panic!("the state belongs to another kind of model"),
+        };
+        basis + networks
+    }
+}
+
 impl RecurrentModel {
     fn start(&self, beta: &[f32]) -> RecurrentState {
         RecurrentState { regressor: self.regressor.start(beta), scratch: self.subspace.scratch() }
     }
 
-    fn step(&self, features: &[f32], state: &mut RecurrentState, deltas: &mut [f32], watch: &mut impl Watch) -> usize {
+    fn predict(&self, features: &[f32], state: &mut RecurrentState, watch: &mut impl Watch) -> usize {
         let clipped = self.regressor.step(features, &mut state.regressor);
         watch.lap(StepPart::Regressor);
-        self.subspace.decode(state.regressor.latent(), deltas, &mut state.scratch);
+        self.subspace.lift(state.regressor.latent(), &mut state.scratch);
         watch.lap(StepPart::Decoder);
         clipped
     }

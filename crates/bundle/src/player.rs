@@ -1,6 +1,8 @@
 use crate::advance::Clock;
 use crate::controls::{Controls, Mixer};
+use crate::correctives::Correctives;
 use crate::descriptor::{Descriptor, DescriptorState};
+use crate::detail::{Detail, Part};
 use crate::posing::Posing;
 use crate::retarget::Retarget;
 use crate::times::{StepPart, StepTimes, Stopwatch, Watch};
@@ -9,7 +11,8 @@ use glam::Vec3;
 use softtissue_body::{Pose, ShapedBody};
 use softtissue_geometry::Frames;
 use std::collections::VecDeque;
-use std::ops::Deref;
+use std::ops::{Deref, Range};
+use std::sync::Arc;
 
 /// A root that moves faster than this between two frames was set down elsewhere, m/s.
 const TELEPORT_SPEED: f32 = 30.0;
@@ -26,12 +29,14 @@ const FARTHEST: f32 = 1e5;
 pub struct Player<B: Deref<Target = Bundle>> {
     bundle: B,
     shaped: ShapedBody,
-    descriptor: Descriptor,
+    descriptor: Arc<Descriptor>,
     descriptor_state: DescriptorState,
     beta: Vec<f32>,
     model_state: ModelState,
     /// In the place of the model, where an animator asked for changes.
     mixer: Option<Mixer>,
+    /// Of the deltas, where not all are wanted.
+    part: Option<Part>,
     /// In the place of the moving body, where another shows the deltas.
     shown_on: Option<Retarget>,
     posing: Posing,
@@ -100,17 +105,34 @@ impl HeldPose {
 impl<B: Deref<Target = Bundle>> Player<B> {
     /// A player of a body of shape `beta` at rest. Missing coefficients count as zero, surplus ones are ignored.
     pub fn new(bundle: B, beta: &[f32]) -> Result<Self> {
-        if let Some(i) = beta.iter().position(|b| !b.is_finite()) {
-            return Err(BundleError::Input(format!("shape coefficient {i} as {}; give finite numbers", beta[i])));
-        }
-        let shaped = bundle.body.shaped(beta);
-        let descriptor = Descriptor::with_parts(&bundle.descriptor, &bundle.body, bundle.model.descriptor_parts())?;
+        let descriptor = Descriptor::with_parts(
+            &bundle.descriptor,
+            &bundle.body,
+            bundle.model.descriptor_parts(&bundle.descriptor),
+        )?;
         let (found, expected) = (descriptor.len(), bundle.model.feature_count());
         if found != expected {
             return Err(BundleError::Input(format!(
                 "a bundle whose descriptor makes {found} features where its model takes {expected}; export it again"
             )));
         }
+        let correctives = Correctives::new(&bundle.body, bundle.model.precision());
+        Self::sharing(bundle, beta, Arc::new(descriptor), Arc::new(correctives))
+    }
+
+    /// A player of another body, at rest, that shares with this one what does not depend on the body.
+    pub fn another(&self, beta: &[f32]) -> Result<Self>
+    where
+        B: Clone,
+    {
+        Self::sharing(self.bundle.clone(), beta, Arc::clone(&self.descriptor), Arc::clone(self.posing.correctives()))
+    }
+
+    fn sharing(bundle: B, beta: &[f32], descriptor: Arc<Descriptor>, correctives: Arc<Correctives>) -> Result<Self> {
+        if let Some(i) = beta.iter().position(|b| !b.is_finite()) {
+            return Err(BundleError::Input(format!("shape coefficient {i} as {}; give finite numbers", beta[i])));
+        }
+        let shaped = bundle.body.shaped(beta);
         let (v, j) = (bundle.body.vertex_count(), bundle.body.joint_count());
         let look_ahead = bundle.descriptor.look_ahead;
         Ok(Self {
@@ -118,8 +140,9 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             beta: beta.to_vec(),
             model_state: bundle.model.start(beta),
             mixer: None,
+            part: None,
             shown_on: None,
-            posing: Posing::new(&bundle.body),
+            posing: Posing::sharing(&bundle.body, correctives),
             posed: false,
             features: vec![0.0; descriptor.len()],
             deltas: vec![Vec3::ZERO; v],
@@ -152,6 +175,15 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         Ok(())
     }
 
+    /// Computes less of the flesh, or all of it again, from the next frame on.
+    ///
+    /// # Errors
+    /// No component, more than there are, or a model without components.
+    pub fn set_detail(&mut self, detail: &Detail) -> Result<()> {
+        self.part = Part::new(detail, &self.bundle.model, &self.bundle.body)?;
+        Ok(())
+    }
+
     /// Shows the deltas on another body in the same topology, whose rest mesh is `mesh [V]`, metres; `None` goes back
     /// to the body that moves. [`Player::deltas`] stay those of the moving body.
     ///
@@ -166,6 +198,11 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     /// What is played.
     pub fn bundle(&self) -> &Bundle {
         &self.bundle
+    }
+    /// Bytes of weights that a whole frame reads once: what it cannot be faster than, without controls and in full detail.
+    pub fn weight_bytes(&self) -> usize {
+        let correctives = self.posing.correctives().bytes(&self.bundle.body);
+        correctives + self.descriptor.weight_bytes() + self.bundle.model.weight_bytes(&self.model_state)
     }
     /// The body at its shape.
     pub fn shaped(&self) -> &ShapedBody {
@@ -208,9 +245,36 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     }
 
     fn watched_step(&mut self, pose: Pose, watch: &mut impl Watch) -> StepReport {
+        let mut report = self.begin(pose);
+        self.correct(0..self.blocks());
+        if self.feel(&mut report, watch) {
+            self.infer(&mut report, watch);
+        }
+        report
+    }
+
+    /// Blocks that the two parts of a frame are cut into that read most: [`Self::correct`] and [`Self::add_deltas`]. A batch
+    /// takes the bodies in turn in each block.
+    pub(crate) fn blocks(&self) -> usize {
+        self.posing.blocks()
+    }
+
+    /// The beginning of a frame.
+    pub(crate) fn begin(&mut self, pose: Pose) -> StepReport {
         let mut report = StepReport::default();
         self.accept(pose, &mut report);
-        self.posing.run(&self.bundle.body, &self.shaped, self.input.steady());
+        self.posing.take(&self.bundle.body, &self.shaped, self.input.steady());
+        report
+    }
+
+    /// Some blocks of the pose correctives.
+    pub(crate) fn correct(&mut self, blocks: Range<usize>) {
+        self.posing.correct(&self.bundle.body, blocks);
+    }
+
+    /// From corrected to posed vertices and features. Whether there is something to predict from them.
+    pub(crate) fn feel(&mut self, report: &mut StepReport, watch: &mut impl Watch) -> bool {
+        self.posing.skin(&self.bundle.body, &self.shaped);
         self.posed = true;
         watch.lap(StepPart::Skinning);
         let Posing { transforms, skinned, .. } = &self.posing;
@@ -228,14 +292,11 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             oldest.set(&self.input);
             self.waiting.push_back(oldest);
             self.posed = false;
-            if report.waiting {
-                return report;
-            }
+            !report.waiting
         } else {
             self.shown.set(&self.input);
+            true
         }
-        self.infer(&mut report, watch);
-        report
     }
 
     /// The descriptor's features of the newest pose, `[D]`: what an exported network takes.
@@ -262,6 +323,11 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             self.posed = true;
         }
         self.posing.add_deltas(&self.deltas, self.shown.teleported, &mut self.vertices);
+        &self.vertices
+    }
+
+    /// The vertices that [`Self::vertices`] has computed last.
+    pub(crate) fn shown_vertices(&self) -> &[Vec3] {
         &self.vertices
     }
 
@@ -366,16 +432,42 @@ impl<B: Deref<Target = Bundle>> Player<B> {
 
     /// From features to deltas.
     fn infer(&mut self, report: &mut StepReport, watch: &mut impl Watch) {
-        let model = &self.bundle.model;
-        report.features_clipped = match &mut self.mixer {
-            Some(mixer) => mixer.step(model, &self.features, &mut self.deltas),
-            None => {
-                let deltas = bytemuck::cast_slice_mut(&mut self.deltas);
-                model.watched_step(&self.features, &mut self.model_state, deltas, watch)
-            }
-        };
-        if self.mixer.is_some() {
+        self.predict(report, watch);
+        self.add_deltas(0..self.blocks());
+        if self.mixer.is_none() && self.bundle.model.basis().is_some() {
+            watch.lap(StepPart::Decoder);
+        }
+        self.settle(report);
+    }
+
+    /// From features to what the deltas are summed from; to the deltas where they are no such sum, or a mixture.
+    pub(crate) fn predict(&mut self, report: &mut StepReport, watch: &mut impl Watch) {
+        let (model, part) = (&self.bundle.model, self.part.as_ref());
+        if let Some(mixer) = &mut self.mixer {
+            report.features_clipped = mixer.step(model, &self.features, &mut self.deltas, part);
             watch.lap(StepPart::Regressor);
+            return;
+        }
+        let deltas = bytemuck::cast_slice_mut(&mut self.deltas);
+        report.features_clipped = model.predict(&self.features, &mut self.model_state, deltas, watch);
+        if let Some(basis) = model.basis() {
+            basis.begin_sum(deltas, part);
+        }
+    }
+
+    /// Some blocks of the sum.
+    pub(crate) fn add_deltas(&mut self, blocks: Range<usize>) {
+        let basis = self.bundle.model.basis().filter(|_| self.mixer.is_none());
+        if let (Some(basis), Some(coefficients)) = (basis, self.model_state.coefficients()) {
+            let deltas = bytemuck::cast_slice_mut(&mut self.deltas);
+            basis.add_blocks(coefficients, deltas, self.part.as_ref(), blocks);
+        }
+    }
+
+    /// The end of a frame.
+    pub(crate) fn settle(&mut self, report: &mut StepReport) {
+        if let Some(part) = &self.part {
+            part.hold(&mut self.deltas);
         }
         let state_is_finite = self.mixer.as_ref().map_or(self.model_state.is_finite(), Mixer::is_finite);
         if !state_is_finite || !self.deltas.iter().all(|d| d.is_finite()) {

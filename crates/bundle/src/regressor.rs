@@ -1,5 +1,5 @@
 use crate::descriptor::FeatureScaling;
-use crate::{Gru, Linear, MassLaw, Matrix, ResonatorBank};
+use crate::{Gru, Linear, MassLaw, Matrix, Precision, ResonatorBank};
 
 /// What predicts the latent from the motion, frame by frame: a shortcut that is linear in the inputs (or in a bank
 /// of damped resonators driven by them) and, around it, a recurrent network (SoftSMPL sec. 5).
@@ -124,7 +124,7 @@ impl Regressor {
         let mut weight = Matrix::zeros(l, a);
         let mut bias = self.shortcut.bias.clone();
         for row in 0..l {
-            let weights = self.shortcut.weight.row(row);
+            let weights = self.shortcut.weight.numbers_of_row(row);
             let (terms, rest) = weights.split_at(factors.len() * a);
             for (factor, weights) in factors.iter().zip(terms.chunks_exact(a.max(1))) {
                 weight.row_mut(row).iter_mut().zip(weights).for_each(|(s, w)| *s += factor * w);
@@ -133,6 +133,9 @@ impl Regressor {
         }
         let amplitude = self.mass.amplitude(beta);
         weight.data_mut().iter_mut().chain(&mut bias).for_each(|w| *w *= amplitude);
+        if self.shortcut.weight.precision() != Precision::F32 {
+            weight = weight.halved();
+        }
         BodyRegressor { shape: b, amplitude, bank: self.bank_of(beta), shortcut: Linear { weight, bias } }
     }
 
@@ -182,6 +185,10 @@ impl RegressorState {
     /// The latent of the newest frame, `[L]`.
     pub fn latent(&self) -> &[f32] {
         &self.latent
+    }
+    /// Bytes of the shortcut's matrix.
+    pub(crate) fn shortcut_bytes(&self) -> usize {
+        self.body.shortcut.weight.bytes()
     }
     /// Forgets the motion, not the body.
     pub fn reset(&mut self) {

@@ -1,4 +1,6 @@
+use crate::detail::Part;
 use crate::{Linear, Matrix, ResidualUnit, matrix::dot};
+use std::ops::Range;
 
 /// Principal components of deltas: `D = mean + directions^T (c + coefficient_mean)`. `D` is `[V * 3]`, vertex after
 /// vertex, metres; the directions are orthonormal, so that a distance between coefficients is one between vertices.
@@ -22,9 +24,41 @@ impl DeltaBasis {
 
     /// `delta [V * 3]` (metres) of coefficients `[K]`, to which their mean is added in place.
     pub fn decode(&self, coefficients: &mut [f32], delta: &mut [f32]) {
+        self.add_mean(coefficients);
+        self.sum(coefficients, delta, None);
+    }
+
+    /// Coefficients `[K]` to those that the directions are multiplied by.
+    pub(crate) fn add_mean(&self, coefficients: &mut [f32]) {
         coefficients.iter_mut().zip(&self.coefficient_mean).for_each(|(c, m)| *c += m);
-        delta.copy_from_slice(&self.mean);
-        self.directions.add_transposed_times(coefficients, delta);
+    }
+
+    /// `delta [V * 3]` of coefficients `[K]` that hold their mean already, or the part of it that is wanted.
+    pub(crate) fn sum(&self, coefficients: &[f32], delta: &mut [f32], part: Option<&Part>) {
+        self.begin_sum(delta, part);
+        self.add_blocks(coefficients, delta, part, 0..self.directions.blocks());
+    }
+
+    /// What the sum begins with.
+    pub(crate) fn begin_sum(&self, delta: &mut [f32], part: Option<&Part>) {
+        delta.copy_from_slice(part.map_or(&self.mean, |part| &part.mean));
+    }
+
+    /// The rest of the sum in some blocks of columns.
+    pub(crate) fn add_blocks(
+        &self,
+        coefficients: &[f32],
+        delta: &mut [f32],
+        part: Option<&Part>,
+        blocks: Range<usize>,
+    ) {
+        let Some(part) = part else { return self.directions.add_transposed_blocks(coefficients, delta, blocks) };
+        for wanted in &part.blocks {
+            let both = wanted.start.max(blocks.start)..wanted.end.min(blocks.end);
+            if !both.is_empty() {
+                self.directions.add_transposed_blocks(&coefficients[..part.components], delta, both);
+            }
+        }
     }
 }
 
@@ -65,6 +99,13 @@ pub struct SubspaceScratch {
     unit: Vec<f32>,
 }
 
+impl SubspaceScratch {
+    /// What [`Subspace::lift`] left, `[K]`.
+    pub(crate) fn coefficients(&self) -> &[f32] {
+        &self.coefficients
+    }
+}
+
 impl Subspace {
     /// Vertices `V`.
     pub fn vertex_count(&self) -> usize {
@@ -93,6 +134,12 @@ impl Subspace {
         self.basis.decode(coefficients, delta);
     }
 
+    /// Coefficients of a latent `[L]`, with their mean, into [`SubspaceScratch::coefficients`].
+    pub(crate) fn lift(&self, latent: &[f32], SubspaceScratch { coefficients, unit }: &mut SubspaceScratch) {
+        self.decode_coefficients_into(latent, coefficients, unit);
+        self.basis.add_mean(coefficients);
+    }
+
     /// Centred coefficients `[K]` of a latent `[L]`.
     pub fn decode_coefficients(&self, latent: &[f32], coefficients: &mut [f32], scratch: &mut SubspaceScratch) {
         self.decode_coefficients_into(latent, coefficients, &mut scratch.unit);
@@ -103,8 +150,8 @@ impl Subspace {
         let SubspaceScratch { coefficients, unit } = scratch;
         let basis = &self.basis;
         for (k, c) in coefficients.iter_mut().enumerate() {
-            let row = basis.directions.row(k);
-            *c = dot(row, delta) - dot(row, &basis.mean) - basis.coefficient_mean[k];
+            let row = basis.directions.numbers_of_row(k);
+            *c = dot(&row, delta) - dot(&row, &basis.mean) - basis.coefficient_mean[k];
         }
         self.encoder.units.iter().for_each(|u| u.apply(coefficients, unit));
         self.encoder.project.apply(coefficients, latent);

@@ -62,6 +62,10 @@ void softtissue_reset(softtissue_player *player);
  * Returns 0, or -1 on failure. */
 int softtissue_control(softtissue_player *player, const char *region, float gain, float softness, float damping,
                        float lag);
+/* Level of detail, from the next frame on: makes the displacements of so many components of the basis, the most important
+ * first (0 for all), and leaves the named regions rigid ("head,hands"; NULL for none). Never starts over. Returns 0, or -1 on
+ * failure. */
+int softtissue_detail(softtissue_player *player, size_t components, const char *still);
 /* A frame, dt seconds after the last one; dt of 0 stands for one frame of the bundle's rate. rotations: 3 numbers a joint;
  * translation: 3; vertices: room for 3 a vertex, or NULL. Returns bits of what had to be done. */
 uint32_t softtissue_step(softtissue_player *player, const float *rotations, const float *translation, float dt,

@@ -11,7 +11,7 @@ mod page;
 
 use glam::Vec3;
 use softtissue_body::{Pose, Region};
-use softtissue_bundle::{Bundle, BundleError, BundleFiles, Control, Controls, Player, StepReport};
+use softtissue_bundle::{Bundle, BundleError, BundleFiles, Control, Controls, Detail, Player, StepReport};
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -292,14 +292,12 @@ pub unsafe extern "C" fn softtissue_control(
     call(-1, || {
         // SAFETY: the caller's.
         let (own, name) = unsafe { (own(player, "player")?, text(region, "region")?) };
-        let control = Control { gain, softness, damping, lag };
+        let control = Control { gain, softness, damping, lag, ..Control::default() };
         let mut controls = own.controls.clone();
         if name == "everywhere" {
             controls.everywhere = control;
         } else {
-            let known = || Region::ALL.map(Region::name).join(", ");
-            let region = Region::ALL.into_iter().find(|r| r.name() == name);
-            let region = region.ok_or_else(|| format!("{name:?} is no region; choose everywhere, {}", known()))?;
+            let region = region(name).map_err(|known| format!("{name:?} is no region; choose everywhere, {known}"))?;
             controls.regions.retain(|(r, _)| *r != region);
             controls.regions.push((region, control));
         }
@@ -307,6 +305,31 @@ pub unsafe extern "C" fn softtissue_control(
         own.controls = controls;
         Ok(0)
     })
+}
+
+/// See the header.
+///
+/// # Safety
+/// `player` is NULL or living, and used by nobody else; `still` is NULL or a text that ends in zero.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtissue_detail(player: *mut OwnPlayer, components: usize, still: *const c_char) -> c_int {
+    call(-1, || {
+        // SAFETY: the caller's.
+        let own = unsafe { own(player, "player") }?;
+        // SAFETY: the caller's.
+        let names = if still.is_null() { "" } else { unsafe { text(still, "still") }? };
+        let names = names.split(',').map(str::trim).filter(|n| !n.is_empty());
+        let still = names.map(|n| region(n).map_err(|known| format!("{n:?} is no region; choose {known}")));
+        let still = still.collect::<Result<_, _>>()?;
+        own.player.set_detail(&Detail { components: (components > 0).then_some(components), still }).map_err(said)?;
+        Ok(0)
+    })
+}
+
+/// The region of a name; all names where there is none.
+fn region(name: &str) -> Result<Region, String> {
+    let region = Region::ALL.into_iter().find(|r| r.name() == name);
+    region.ok_or_else(|| Region::ALL.map(Region::name).join(", "))
 }
 
 /// See the header.

@@ -80,6 +80,13 @@ int main(int argc, char **argv) {
     CHECK(softtissue_control(player, "nose", 1, 1, 1, 0) == -1 && strstr(softtissue_error(), "nose"));
     CHECK(softtissue_control(player, "everywhere", 1e9f, 1, 1, 0) == -1 && strstr(softtissue_error(), "gain"));
     CHECK(softtissue_control(player, "belly", 1.5f, 1, 1, 0) == 0);
+    CHECK(softtissue_detail(player, 1000000, NULL) == -1 && strstr(softtissue_error(), "components"));
+    CHECK(softtissue_detail(player, 0, "head, nose") == -1 && strstr(softtissue_error(), "nose"));
+    CHECK(softtissue_detail(player, 1, "feet,belly") == 0);
+    softtissue_step(player, motion, motion + 3 * joints, 0, NULL);
+    for (size_t i = 0; i < 3 * vertices; i++) CHECK(softtissue_deltas(player)[i] == 0);
+    CHECK(softtissue_detail(player, 0, NULL) == 0);
+    softtissue_reset(player);
     for (size_t t = 0; t < frames; t++) {
         const float *pose = motion + t * numbers;
         uint32_t report = softtissue_step(player, pose, pose + 3 * joints, 0, posed);

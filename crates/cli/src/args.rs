@@ -35,6 +35,8 @@ pub enum Verb {
     Synth(SynthArgs),
     /// Fit shape and pose to scans and extract the soft-tissue deltas.
     Fit(FitArgs),
+    /// Fit a bundle's flesh to one clip of a person: controls for `animate`.
+    Tune(TuneArgs),
     /// Bring other people's data into our form.
     Import(ImportArgs),
     /// Say of a file or folder what it is and what is wrong with it.
@@ -153,7 +155,7 @@ pub struct ShapeArgs {
 
 /// `export`.
 #[derive(Debug, Args)]
-#[group(id = "written", required = true, multiple = true, args = ["onnx", "plain_onnx", "web"])]
+#[group(id = "written", required = true, multiple = true, args = ["onnx", "plain_onnx", "web", "out"])]
 pub struct ExportArgs {
     /// The bundle folder.
     pub bundle: PathBuf,
@@ -169,6 +171,13 @@ pub struct ExportArgs {
     /// Write a web page that plays the bundle, a folder that any web server can host; needs a build with `--features web`.
     #[arg(long, value_name = "DIR")]
     pub web: Option<PathBuf>,
+    /// Write the bundle in fewer bits: `f16`, or `i8` for the least memory. What it loses is measured, printed and kept in the
+    /// manifest.
+    #[arg(long, requires = "out", value_name = "f16|i8")]
+    pub precision: Option<String>,
+    /// The folder of that bundle.
+    #[arg(long, requires = "precision", value_name = "DIR")]
+    pub out: Option<PathBuf>,
     /// Motions of the page.
     #[command(flatten)]
     pub motions: PageMotionArgs,
@@ -229,13 +238,22 @@ pub struct AnimateArgs {
     /// Overall gain of the soft-tissue displacement; 0 gives the body alone.
     #[arg(long, default_value_t = 1.0, allow_hyphen_values = true)]
     pub gain: f32,
-    /// Change a region, or `everywhere`: `belly:gain=2,softness=1.5,damping=0.5,lag=0.02` (factors; lag in seconds).
-    /// Once for each region.
+    /// Change a region, or `everywhere`: `belly:gain=2,softness=1.5,damping=0.5,lag=0.02,mass=1` (factors; lag in seconds;
+    /// mass in units of beta[1]). Once for each region.
     #[arg(long, value_name = "REGION:...")]
     pub control: Vec<String>,
+    /// The same from a file, a line each, as `tune` writes it.
+    #[arg(long, value_name = "FILE")]
+    pub controls: Option<PathBuf>,
     /// Paint the gain: an OBJ file in the body's topology with vertex colours; white keeps, black stops the flesh.
     #[arg(long, value_name = "FILE")]
     pub paint: Option<PathBuf>,
+    /// Level of detail: make the deltas of so many components of the basis only, the most important first.
+    #[arg(long, value_name = "N")]
+    pub components: Option<usize>,
+    /// Level of detail: leave this region rigid. Once for each region.
+    #[arg(long, value_name = "REGION")]
+    pub still: Vec<String>,
     /// What to write: `.glb` or `.gltf`, `.usda`, a point cache `.pc2` or `.mdd` with its mesh as `.obj` beside it, `.png` (a
     /// picture of some frames), or a folder for an OBJ sequence.
     #[arg(long, value_name = "FILE")]
@@ -266,6 +284,25 @@ pub struct FitArgs {
     pub scans: PathBuf,
     /// The folder to write.
     #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// `tune`.
+#[derive(Debug, Args)]
+pub struct TuneArgs {
+    /// Settings (of the fit of the scans and of `tuning`).
+    #[command(flatten)]
+    pub settings: Settings,
+    /// The bundle whose flesh is fitted.
+    pub bundle: PathBuf,
+    /// Scans of the person: a scan set, or whatever `import scans` takes.
+    #[arg(long, value_name = "DIR")]
+    pub scans: PathBuf,
+    /// The clip to go by, SUBJECT/MOTION.TAKE; needed where the scans are of more than one.
+    #[arg(long, value_name = "CLIP")]
+    pub clip: Option<String>,
+    /// The file of controls to write, for `animate --controls`.
+    #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
 }
 

@@ -9,8 +9,8 @@ use softtissue_avatar::AvatarConfig;
 use softtissue_bundle::descriptor::DescriptorConfig;
 use softtissue_clips::{ClipId, Split, SplitConfig};
 use softtissue_fit::{FitConfig, RegistrationConfig};
-use softtissue_model::PcaConfig;
 use softtissue_model::linear::{DynaConfig, LadderConfig};
+use softtissue_model::{PcaConfig, TuningConfig};
 use softtissue_synth::dataset::SynthConfig;
 use softtissue_train::{
     AutoencoderStart, DeltaAutoencoderTraining, FeedbackTraining, LoopConfig, RegressorTraining, SubspaceTraining,
@@ -52,6 +52,8 @@ pub struct Config {
     pub dyna: DynaConfig,
     /// AutoAvatar.
     pub autoavatar: AvatarConfig,
+    /// A person's flesh fitted to one clip.
+    pub tuning: TuningConfig,
     /// The loop that drives every training.
     pub train: LoopConfig,
     /// What is measured.
@@ -155,6 +157,9 @@ pub struct EvalConfig {
     pub decay_subjects: usize,
     /// Clips to play in the report. Default 2.
     pub playback_clips: usize,
+    /// Motion by whose first take a new person's flesh is fitted where one subject is left out, a row of its own; no take of
+    /// it is judged there. Empty: none.
+    pub tuning_motion: String,
     /// Whether the clips are fitted once more with the posed objective, to be shown beside the unposed one
     /// (Casas-Otaduy 2018 fig. 3). Costs as much as the fit. Default true.
     pub compare_objectives: bool,
@@ -182,6 +187,7 @@ impl Default for Config {
             casas_otaduy: CasasOtaduyConfig::default(),
             dyna: DynaConfig::default(),
             autoavatar: AvatarConfig::default(),
+            tuning: TuningConfig::default(),
             train: LoopConfig::default(),
             eval: EvalConfig::default(),
         }
@@ -225,7 +231,14 @@ impl Default for CasasOtaduyConfig {
 
 impl Default for EvalConfig {
     fn default() -> Self {
-        Self { bounded_seconds: 600.0, decay_subjects: 2, playback_clips: 2, compare_objectives: true, oracle: true }
+        Self {
+            bounded_seconds: 600.0,
+            decay_subjects: 2,
+            playback_clips: 2,
+            tuning_motion: "jumping_jacks".into(),
+            compare_objectives: true,
+            oracle: true,
+        }
     }
 }
 
@@ -243,6 +256,7 @@ impl Config {
         self.check_casas_otaduy()?;
         self.dyna.check().map_err(|e| e.to_string())?;
         self.autoavatar.check().map_err(|e| e.to_string())?;
+        self.tuning.check().map_err(|e| e.to_string())?;
         let most = 3600.0;
         within("eval.bounded_seconds", f64::from(self.eval.bounded_seconds), 0.0..=most)
     }

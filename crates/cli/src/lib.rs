@@ -48,6 +48,7 @@ fn run(verb: &Verb, signals: &Signals) -> anyhow::Result<()> {
         Verb::View(args) => verbs::view::run(args, signals),
         Verb::Synth(args) => verbs::synth::run(args, signals),
         Verb::Fit(args) => verbs::fit::run(args, signals),
+        Verb::Tune(args) => verbs::tune::run(args, signals),
         Verb::Import(args) => verbs::import::run(args, signals),
         Verb::Inspect(args) => verbs::inspect::run(args),
         Verb::Config(args) => verbs::config::run(args),

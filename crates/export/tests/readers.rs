@@ -3,7 +3,8 @@
 
 use glam::{Vec2, Vec3};
 use softtissue_export::{
-    Animation, ExportError, GltfConfig, PointCache, Uv, write_gltf, write_obj_sequence, write_point_cache, write_usd,
+    Animation, ExportError, GltfConfig, ObjFolder, PointCache, SurfaceFrame, Uv, write_gltf, write_obj_sequence,
+    write_point_cache, write_usd,
 };
 use softtissue_geometry::{Frames, Topology};
 use softtissue_monitor::{Monitor, Silent};
@@ -118,7 +119,7 @@ fn read_obj(path: &Path) -> (Vec<Vec3>, Vec<[u32; 3]>) {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[0] {
             "v" => vertices.push(Vec3::from_array([1, 2, 3].map(|i| words[i].parse().unwrap()))),
-            "f" => faces.push([1, 2, 3].map(|i| words[i].parse::<u32>().unwrap() - 1)),
+            "f" => faces.push([1, 2, 3].map(|i| words[i].split('/').next().unwrap().parse::<u32>().unwrap() - 1)),
             _ => {}
         }
     }
@@ -240,6 +241,27 @@ fn obj_files_carry_texture_coordinates() {
     let few = Some(Uv { coordinates: &coordinates[..2], faces: &faces });
     let refused = write_obj_sequence(dir.path(), &Animation { uv: few, ..good }, &Silent).unwrap_err().to_string();
     assert!(refused.contains("texture coordinates"), "{refused}");
+}
+
+#[test]
+fn a_folder_holds_surfaces_of_any_topology() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = ObjFolder::create(dir.path(), 2).unwrap();
+    for count in [3usize, 4] {
+        let positions: Vec<Vec3> = (0..count).map(|i| Vec3::new(i as f32, (i * i) as f32, 0.5)).collect();
+        let faces: Vec<[u32; 3]> = (2..count as u32).map(|i| [0, i - 1, i]).collect();
+        let normals = vec![Vec3::Z; count];
+        let frame =
+            SurfaceFrame { name: "a field", fps: 60.0, positions: &positions, normals: &normals, faces: &faces };
+        folder.write(count - 3, &frame).unwrap();
+        let path = dir.path().join(format!("frame_{:05}.obj", count - 3));
+        assert_eq!(read_obj(&path), (positions.clone(), faces.clone()));
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(text.matches("vn 0 0 1\n").count(), count);
+        assert!(folder.write(2, &frame).is_err());
+    }
+    let refused = ObjFolder::create(dir.path(), 1).err().expect("it holds a longer sequence").to_string();
+    assert!(refused.contains("frame_00001.obj"), "{refused}");
 }
 
 #[test]

@@ -81,7 +81,8 @@ impl Interpolation {
         Self::from_rows(first.sources, (0..self.rows()).map(row).collect())
     }
 
-    fn row(&self, r: usize) -> impl Iterator<Item = (u32, f32)> + '_ {
+    /// Sources and weights of a row, padding among them.
+    pub(crate) fn row(&self, r: usize) -> impl Iterator<Item = (u32, f32)> + '_ {
         let range = r * self.width..(r + 1) * self.width;
         self.indices[range.clone()].iter().copied().zip(self.weights[range].iter().copied())
     }

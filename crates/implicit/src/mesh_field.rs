@@ -38,6 +38,11 @@ impl<'a> MeshField<'a> {
         Self { mesh, tree: SurfaceTree::new(positions, triangles), faces, edges, vertices }
     }
 
+    /// The mesh.
+    pub fn source(&self) -> &'a Mesh {
+        self.mesh
+    }
+
     fn value(&self, point: Vec3) -> f32 {
         let Some(place) = self.tree.closest(point, Vec3::ZERO, REACH) else { return REACH };
         let corners = self.mesh.topology.faces[place.face as usize];

@@ -1,7 +1,13 @@
-use crate::harmonic::Harmonic;
+use crate::nearby::{Walk, in_plane, weights};
 use crate::{ImplicitError, Interpolation, Result};
 use glam::Vec3;
-use softtissue_geometry::{Topology, vertex_normals};
+use softtissue_geometry::{Adjacency, Topology, vertex_normals};
+
+/// Observers that a vertex draws from.
+const NEAREST: usize = 8;
+/// Times that unknown values are replaced by means, at most, and the change at which that ends, metres.
+const SWEEPS: usize = 500;
+const ENOUGH: f32 = 1e-6;
 
 /// Articulated observer points (AutoAvatar, sec. 3.1): chosen vertices of the body, which are where the posed body has
 /// them.
@@ -75,24 +81,60 @@ impl Observers {
         self.vertices.iter().map(|v| field[*v as usize]).collect()
     }
 
-    /// Values of all vertices from those of the observers: `V` rows of `N` sources, at most twelve a row. An observer keeps
-    /// its value, any other vertex is the mean of its neighbours (harmonic, by mean value weights on the rest mesh), so that
-    /// values change smoothly and none passes from arm to trunk.
+    /// Values of all vertices from those of the observers: `V` rows of `N` sources, at most eight a row. An observer keeps
+    /// its value; any other vertex takes a mean of the eight observers that are nearest along the edges of the rest mesh,
+    /// so that nothing passes from arm to trunk, by positive weights that reproduce what is linear in its tangent plane.
     pub fn vertices_from_observers(&self, rest: &[Vec3], topology: &Topology) -> Interpolation {
-        Harmonic::new(rest, topology).rows(&self.vertices)
+        let all: Vec<u32> = (0..self.vertex_count as u32).collect();
+        self.means(rest, topology, &all, true)
     }
 
-    /// Fills in values, `[N]`, of observers that are not `known` from those that are, as
-    /// [`Self::vertices_from_observers`] does: heights in the holes of a scan. If none is known nothing changes.
-    pub fn fill(&self, over: &Harmonic, values: &mut [f32], known: &[bool]) {
-        assert!(values.len() == self.len() && known.len() == self.len(), "values of the observers");
-        let (mut all, mut fixed) = (vec![0.0; self.vertex_count], vec![false; self.vertex_count]);
-        for (i, v) in self.vertices.iter().enumerate() {
-            (all[*v as usize], fixed[*v as usize]) = (values[i], known[i]);
+    /// What each observer's value would be by the eight others nearest to it, in the same way: `N` rows of `N` sources, for
+    /// [`Self::fill`].
+    pub fn means_of_others(&self, rest: &[Vec3], topology: &Topology) -> Interpolation {
+        self.means(rest, topology, &self.vertices, false)
+    }
+
+    fn means(&self, rest: &[Vec3], topology: &Topology, at: &[u32], keep: bool) -> Interpolation {
+        let adjacency = Adjacency::new(topology);
+        let normals = vertex_normals(rest, &topology.faces);
+        let mut walk = Walk::new(rest, &adjacency, &self.vertices);
+        let row = |v: &u32| {
+            let v = *v as usize;
+            if let Some(own) = walk.observer(v).filter(|_| keep) {
+                return vec![(own, 1.0)];
+            }
+            let near = walk.nearest(v, NEAREST);
+            let others = near.iter().map(|i| rest[self.vertices[*i as usize] as usize]);
+            let weights = weights(&in_plane(rest[v], normals[v], others));
+            near.into_iter().zip(weights).collect()
+        };
+        Interpolation::from_rows(self.len(), at.iter().map(row).collect())
+    }
+
+    /// Fills in values, `[N]`, that are not `known`, by the `means` that [`Self::means_of_others`] gives: each becomes the
+    /// mean of those round it, so that a hole of a scan closes smoothly from its border. If none is known nothing changes.
+    pub fn fill(means: &Interpolation, values: &mut [f32], known: &[bool]) {
+        assert!(values.len() == means.rows() && known.len() == values.len(), "values of the observers");
+        let count = known.iter().filter(|k| **k).count();
+        if count == 0 {
+            return;
         }
-        if known.contains(&true) {
-            over.extend(&mut all, &fixed);
-            values.copy_from_slice(&self.pick(&all));
+        let all = values.iter().zip(known).filter(|(_, k)| **k).map(|(x, _)| *x);
+        let start = all.sum::<f32>() / count as f32;
+        let unknown: Vec<usize> = (0..values.len()).filter(|i| !known[*i]).collect();
+        unknown.iter().for_each(|i| values[*i] = start);
+        for _ in 0..SWEEPS {
+            let mut change = 0.0f32;
+            for &i in &unknown {
+                // a piece of the body with one observer has no others
+                let mean: f32 = means.row(i).map(|(j, w)| w * values[j as usize]).sum();
+                change = change.max((mean - values[i]).abs());
+                values[i] = mean;
+            }
+            if change < ENOUGH {
+                break;
+            }
         }
     }
 }

@@ -14,6 +14,7 @@ mod regressor;
 mod standardisation;
 mod training_clip;
 mod transfer;
+mod tuning;
 
 use softtissue_bundle as plain;
 
@@ -30,3 +31,4 @@ pub use regressor::{Regressor, RegressorConfig, ShortcutStart};
 pub use standardisation::Standardisation;
 pub use training_clip::TrainingClip;
 pub use transfer::{SubjectRegressor, transferred};
+pub use tuning::{RegionTuning, Tuning, TuningConfig, tune_flesh};

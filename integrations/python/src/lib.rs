@@ -93,24 +93,30 @@ impl Player {
     }
 
     /// Changes what was learned, everywhere or in a region ("belly", "breast", ...), and starts over: factors of the
-    /// displacement, of the time of the answer and of its damping, and a delay in seconds.
-    #[pyo3(signature = (region = "everywhere", *, gain = 1.0, softness = 1.0, damping = 1.0, lag = 0.0))]
-    fn control(&mut self, region: &str, gain: f32, softness: f32, damping: f32, lag: f32) -> PyResult<()> {
-        let control = core::Control { gain, softness, damping, lag };
+    /// displacement, of the time of the answer and of its damping, a delay in seconds, and how much heavier the person is
+    /// whose flesh it is.
+    #[pyo3(signature = (region = "everywhere", *, gain = 1.0, softness = 1.0, damping = 1.0, lag = 0.0, mass = 0.0))]
+    fn control(&mut self, region: &str, gain: f32, softness: f32, damping: f32, lag: f32, mass: f32) -> PyResult<()> {
+        let control = core::Control { gain, softness, damping, lag, mass };
         let mut controls = self.controls.clone();
         if region == "everywhere" {
             controls.everywhere = control;
         } else {
-            let Some(named) = Region::ALL.into_iter().find(|r| r.name() == region) else {
-                let known = Region::ALL.map(Region::name).join(", ");
-                return Err(PyValueError::new_err(format!("{region:?} is no region; choose everywhere, {known}")));
-            };
+            let named = self::region(region, "everywhere, ")?;
             controls.regions.retain(|(r, _)| *r != named);
             controls.regions.push((named, control));
         }
         self.player.set_controls(&controls).map_err(refused)?;
         self.controls = controls;
         Ok(())
+    }
+
+    /// Level of detail, from the next frame on: the displacements of so many components of the basis, the most important first,
+    /// and regions that are left rigid ("head", "hands", ...). Never starts over.
+    #[pyo3(signature = (components = None, still = vec![]))]
+    fn detail(&mut self, components: Option<usize>, still: Vec<String>) -> PyResult<()> {
+        let still = still.iter().map(|name| region(name, "")).collect::<PyResult<_>>()?;
+        self.player.set_detail(&core::Detail { components, still }).map_err(refused)
     }
 
     /// Forgets the motion: the next pose is a first one.
@@ -191,11 +197,23 @@ impl Player {
     fn report(&self) -> Vec<&'static str> {
         self.report.clone()
     }
+    /// Bytes of weights that a frame reads once, in full detail.
+    #[getter]
+    fn weight_bytes(&self) -> usize {
+        self.player.weight_bytes()
+    }
     /// Frames between a pose and its deltas, where the model looks ahead.
     #[getter]
     fn delay_frames(&self) -> usize {
         self.player.delay_frames()
     }
+}
+
+/// The region of a name; `beside` is what else could have been said.
+fn region(name: &str, beside: &str) -> PyResult<Region> {
+    let known = || Region::ALL.map(Region::name).join(", ");
+    let region = Region::ALL.into_iter().find(|r| r.name() == name);
+    region.ok_or_else(|| PyValueError::new_err(format!("{name:?} is no region; choose {beside}{}", known())))
 }
 
 fn names(report: &core::StepReport) -> Vec<&'static str> {

@@ -71,6 +71,11 @@ def check_player(folder):
     for t in range(0, 40, 2):
         still.step(rotations[t], translations[t], dt=2 / 60)
     assert np.abs(still.deltas).max() > 1e-5
+    if bundle.method != "casas-otaduy":
+        still.detail(components=1, still=["feet"])
+        still.step(rotations[0], translations[0])
+        still.detail()
+        still.step(rotations[1], translations[1])
     still.step(np.full_like(rotations[0], np.nan), translations[0])
     assert "pose held" in still.report and np.isfinite(still.deltas).all()
     for wrong, says in [
@@ -78,6 +83,8 @@ def check_player(folder):
         (lambda: softtissue.Player(bundle, [float("nan")]), "shape coefficient 0"),
         (lambda: still.control("nose"), "nose"),
         (lambda: still.control(gain=1e9), "gain"),
+        (lambda: still.detail(components=1000000), "components"),
+        (lambda: still.detail(still=["nose"]), "nose"),
         (lambda: still.step(np.zeros((24, 2), np.float32), np.zeros(3, np.float32)), "last extent must be 3"),
     ]:
         try:

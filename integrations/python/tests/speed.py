@@ -12,14 +12,12 @@ import numpy as np
 import onnxruntime
 import softtissue
 
-from check import SHAPE, motion, tensors
+from check import SHAPE, motion
 
 ROUNDS = 3
 
 
 def main(folder, network):
-    import pathlib
-
     bundle = softtissue.Bundle(folder)
     player = softtissue.Player(bundle, SHAPE)
     options = onnxruntime.SessionOptions()
@@ -27,11 +25,7 @@ def main(folder, network):
     session = onnxruntime.InferenceSession(network, options)
     inputs = {i.name: np.zeros([1] + i.shape[1:], np.float32) for i in session.get_inputs()}
     names = [o.name for o in session.get_outputs()]
-    # what a frame cannot do without: the learned arrays it multiplies by, and the body's pose correctives
-    learned = tensors(pathlib.Path(folder) / "model.safetensors")
-    body = tensors(pathlib.Path(folder) / "body.safetensors")
-    used = [a for n, a in learned.items() if not n.startswith(("check.", "encoder."))] + [body["pose_directions"]]
-    weights = np.concatenate([a.view(np.float32).ravel() for a in used])
+    weights = np.ones(player.weight_bytes // 8, np.uint64)  # as many bytes as a frame cannot do without
 
     times = {}
 

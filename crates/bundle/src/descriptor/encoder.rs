@@ -62,7 +62,7 @@ impl PoseEncoder {
                     layer.bias.len()
                 ));
             }
-            if layer.weight.data().iter().chain(&layer.bias).any(|x| !x.is_finite()) {
+            if layer.weight.numbers().iter().chain(&layer.bias).any(|x| !x.is_finite()) {
                 return Err(format!("layer {i} of the pose encoder holds a number that is not finite"));
             }
             size = layer.outputs();

@@ -54,6 +54,9 @@ impl ForceFeatures {
         }
         FeatureBlock::in_a_row(&sizes)
     }
+    pub(super) fn weight_bytes(&self) -> usize {
+        size_of_val(&self.modes[..])
+    }
     pub(super) fn state(&self) -> ForceState {
         let n = self.vertices.len();
         ForceState {

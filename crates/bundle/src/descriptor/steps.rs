@@ -9,6 +9,7 @@ use crate::times::{StepPart, Watch};
 use glam::{Affine3A, Vec3};
 use softtissue_body::{BodyModel, Pose, Region, ShapedBody};
 use softtissue_geometry::Frames;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Why a descriptor cannot be made.
@@ -39,10 +40,10 @@ pub enum DescriptorError {
 }
 
 /// What a descriptor needs beside its settings; each kind of features takes its own.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct DescriptorParts<'a> {
     /// Orthonormal delta modes `[at least config.modes, V, 3]`, the most important first, for modal forces.
-    pub modes: Option<&'a [f32]>,
+    pub modes: Option<Cow<'a, [f32]>>,
     /// For disentangled poses.
     pub encoder: Option<&'a Arc<PoseEncoder>>,
 }
@@ -81,7 +82,7 @@ enum State {
 impl Descriptor {
     /// For features that need no encoder: see [`DescriptorParts::modes`].
     pub fn new(config: &DescriptorConfig, body: &BodyModel, modes: Option<&[f32]>) -> Result<Self, DescriptorError> {
-        Self::with_parts(config, body, DescriptorParts { modes, encoder: None })
+        Self::with_parts(config, body, DescriptorParts { modes: modes.map(Cow::Borrowed), encoder: None })
     }
 
     /// Any features. Forces on the head, hands, feet and the bony rest are left out.
@@ -103,7 +104,7 @@ impl Descriptor {
                 Kind::Disentangled(DisentangledFeatures::new(Arc::clone(encoder), root, low_pass, fps))
             }
             FeatureKind::Angles => Kind::Angles(AngleFeatures::new(joints, config.root_position, low_pass, fps)),
-            FeatureKind::ModalForces => Kind::Forces(forces(config, body, parts.modes, low_pass)?),
+            FeatureKind::ModalForces => Kind::Forces(forces(config, body, parts.modes.as_deref(), low_pass)?),
         };
         let blocks = match &kind {
             Kind::Pose(k) => k.blocks(),
@@ -126,6 +127,13 @@ impl Descriptor {
     /// Features by physical quantity, in order.
     pub fn blocks(&self) -> &[FeatureBlock] {
         &self.blocks
+    }
+    /// Bytes of the modes that a frame reads; those of an encoder are the model's.
+    pub(crate) fn weight_bytes(&self) -> usize {
+        match &self.kind {
+            Kind::Forces(k) => k.weight_bytes(),
+            Kind::Pose(_) | Kind::Disentangled(_) | Kind::Angles(_) => 0,
+        }
     }
     /// The settings it was made with.
     pub fn config(&self) -> &DescriptorConfig {

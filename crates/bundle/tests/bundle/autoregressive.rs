@@ -10,7 +10,7 @@ fn the_player_mixes_everybody_s_predictions() {
     let bundle = autoregressive();
     let model = bundle.model.autoregressive().unwrap();
     let (rotations, translations) = motion(50);
-    let descriptor = Descriptor::new(&bundle.descriptor, &bundle.body, bundle.model.modes()).unwrap();
+    let descriptor = Descriptor::new(&bundle.descriptor, &bundle.body, bundle.model.modes().as_deref()).unwrap();
     for beta in [[0.3, -0.8], [0.0, 2.0], [-1.0, -9.0]] {
         let features = descriptor.run(&bundle.body, &bundle.body.shaped(&beta), &rotations, &translations);
         let root = 4.1 + 0.05 * f64::from(beta[0]) - 0.2 * f64::from(beta[1]);

@@ -1,6 +1,6 @@
 use crate::tiny::{Parts, bundle, motion, recurrent_of};
 use glam::{Mat3, Vec3};
-use softtissue_body::Region;
+use softtissue_body::{Pose, Region};
 use softtissue_bundle::*;
 use softtissue_geometry::Frames;
 
@@ -50,6 +50,25 @@ fn gains_multiply_everywhere_by_region_and_as_painted() {
     let all = Region::ALL.map(|r| (r, Control { gain: 0.5, ..Default::default() })).to_vec();
     let controls = Controls { regions: all, ..Controls::gain(2.0) };
     assert!(largest(&played(&bundle, &controls, 40), |t, v| plain.frame(t)[v]) < 1e-6);
+}
+
+#[test]
+fn a_mass_lends_a_body_the_flesh_of_a_heavier_one() {
+    let bundle = bundle(Parts::default());
+    let heavier = played(&bundle, &everywhere(Control { mass: 1.5, ..Default::default() }), 40);
+    // the same features in a model of the heavier person; the body that moves stays
+    let (rotations, translations) = motion(40);
+    let mut player = Player::new(&bundle, &BETA).unwrap();
+    let mut state = bundle.model.start(&[BETA[0], BETA[1] - 1.5]);
+    let mut deltas = vec![0.0; 3 * bundle.body.vertex_count()];
+    for t in 0..40 {
+        player.step(Pose { rotations: rotations.frame(t), translation: translations[t] });
+        bundle.model.step(player.features(), &mut state, &mut deltas);
+        for (found, wanted) in heavier.frame(t).iter().zip(deltas.chunks_exact(3)) {
+            assert!(found.distance(Vec3::from_slice(wanted)) < 1e-6, "frame {t}");
+        }
+    }
+    assert!(largest(&heavier, |t, v| played(&bundle, &Controls::default(), 40).frame(t)[v]) > 1e-3);
 }
 
 #[test]

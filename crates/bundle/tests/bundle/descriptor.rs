@@ -197,8 +197,8 @@ fn features_do_not_know_the_future_and_look_ahead_is_a_shift() {
         let modes: Vec<f32> = (0..9 * body.vertex_count()).map(|i| (i as f32 * 0.7).sin()).collect();
         let config = DescriptorConfig { features, modes: 3, ..Default::default() };
         let encoder = tiny::pose_encoder();
-        let parts = DescriptorParts { modes: Some(&modes), encoder: Some(&encoder) };
-        let descriptor = Descriptor::with_parts(&config, &body, parts).unwrap();
+        let parts = DescriptorParts { modes: Some(modes[..].into()), encoder: Some(&encoder) };
+        let descriptor = Descriptor::with_parts(&config, &body, parts.clone()).unwrap();
         let (rotations, mut translations) = tiny::motion(40);
         let run = |d: &Descriptor, x: &[Vec3]| d.run(&body, &body.shaped(&[0.4]), &rotations, x);
         let before = run(&descriptor, &translations);

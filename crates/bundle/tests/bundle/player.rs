@@ -27,7 +27,7 @@ fn a_rollout_is_the_documented_sum_in_f64() {
         let beta = [0.7, -1.3];
         let mut player = Player::new(&bundle, &beta).unwrap();
         let deltas = player.rollout(&rotations, &translations).unwrap();
-        let given = bundle.model.descriptor_parts();
+        let given = bundle.model.descriptor_parts(&bundle.descriptor);
         let descriptor = Descriptor::with_parts(&bundle.descriptor, &bundle.body, given).unwrap();
         let features = descriptor.run(&bundle.body, &bundle.body.shaped(&beta), &rotations, &translations);
         let latents = reference::regress(&bundle.model.recurrent().unwrap().regressor, &features, &beta);

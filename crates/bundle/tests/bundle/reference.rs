@@ -8,7 +8,7 @@ fn wide(x: &[f32]) -> Vec<f64> {
 
 fn times(matrix: &Matrix, x: &[f64]) -> Vec<f64> {
     assert_eq!(matrix.cols(), x.len());
-    (0..matrix.rows()).map(|r| wide(matrix.row(r)).iter().zip(x).map(|(a, b)| a * b).sum()).collect()
+    (0..matrix.rows()).map(|r| wide(&matrix.numbers_of_row(r)).iter().zip(x).map(|(a, b)| a * b).sum()).collect()
 }
 
 fn plus(a: &[f64], b: &[f64]) -> Vec<f64> {
@@ -113,7 +113,7 @@ pub fn decode(subspace: &Subspace, latent: &[f64]) -> Vec<f64> {
     let c = plus(&c, &wide(&subspace.basis.coefficient_mean));
     let mut delta = wide(&subspace.basis.mean);
     for (k, c) in c.iter().enumerate() {
-        for (d, m) in delta.iter_mut().zip(subspace.basis.directions.row(k)) {
+        for (d, m) in delta.iter_mut().zip(&*subspace.basis.directions.numbers_of_row(k)) {
             *d += c * f64::from(*m);
         }
     }

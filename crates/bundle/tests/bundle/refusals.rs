@@ -107,9 +107,11 @@ fn a_newer_version() {
 fn another_format_units_axis_or_precision() {
     for (key, value, says) in [
         ("format", json!("onnx"), "format"),
+        ("format", json!("softtissue-avatar"), "no real-time player runs"),
         ("units", json!("inch"), "units"),
         ("up_axis", json!("+Z"), "up axis"),
-        ("precision", json!("f16"), "precision"),
+        ("precision", json!("i4"), "precision"),
+        ("precision", json!("f16"), "expected F16"),
         ("fps", json!(30.0), "rate"),
         ("fps", json!(null), "fps"),
         ("unknown_key", json!(1), "unknown"),

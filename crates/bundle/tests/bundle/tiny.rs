@@ -124,7 +124,7 @@ pub fn bundle(parts: Parts) -> Bundle {
     let config =
         DescriptorConfig { features: parts.features, modes: 4, look_ahead: parts.look_ahead, ..Default::default() };
     let pose_encoder = (parts.features == FeatureKind::DisentangledPose).then(pose_encoder);
-    let modes = Some(subspace.basis.directions.data());
+    let modes = Some(subspace.basis.directions.numbers());
     let given = DescriptorParts { modes, encoder: pose_encoder.as_ref() };
     let descriptor = Descriptor::with_parts(&config, &body, given).unwrap();
     let (rotations, translations) = motion(90);

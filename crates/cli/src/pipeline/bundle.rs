@@ -1,7 +1,7 @@
 //! Predictors as evaluation knows them.
 
 use softtissue_body::{BodyModel, Pose};
-use softtissue_bundle::{Bundle, Player, StepPart, Subspace, ThreeLayers};
+use softtissue_bundle::{Bundle, Controls, Player, StepPart, Subspace, ThreeLayers};
 use softtissue_clips::MotionClip;
 use softtissue_eval::{Codec, CodecPair, FrameTime, Method, MethodError};
 use softtissue_geometry::Frames;
@@ -16,6 +16,22 @@ pub struct BundleMethod {
     pub name: String,
     /// What is played.
     pub bundle: Arc<Bundle>,
+    /// What is changed of it.
+    pub controls: Controls,
+}
+
+impl BundleMethod {
+    /// A bundle as it was learned, under the name of its method.
+    pub fn as_learned(bundle: &Arc<Bundle>) -> Self {
+        let name = bundle.info.method.clone();
+        Self { name, bundle: Arc::clone(bundle), controls: Controls::default() }
+    }
+
+    fn player(&self, beta: &[f32]) -> Result<Player<Arc<Bundle>>, MethodError> {
+        let mut player = Player::new(Arc::clone(&self.bundle), beta)?;
+        player.set_controls(&self.controls)?;
+        Ok(player)
+    }
 }
 
 impl Method for BundleMethod {
@@ -23,7 +39,7 @@ impl Method for BundleMethod {
         &self.name
     }
     fn rollout(&self, _: &str, beta: &[f32], motion: &MotionClip) -> Result<Frames, MethodError> {
-        let mut player = Player::new(Arc::clone(&self.bundle), beta)?;
+        let mut player = self.player(beta)?;
         Ok(player.rollout(&motion.rotations, &motion.translations)?)
     }
     fn rollout_each(
@@ -33,7 +49,7 @@ impl Method for BundleMethod {
         motion: &MotionClip,
         sink: &mut dyn FnMut(&[glam::Vec3]),
     ) -> Result<(), MethodError> {
-        let mut player = Player::new(Arc::clone(&self.bundle), beta)?;
+        let mut player = self.player(beta)?;
         player.play(&motion.rotations, &motion.translations, |_, player| sink(player.deltas()))?;
         Ok(())
     }
@@ -44,7 +60,7 @@ impl Method for BundleMethod {
         motion: &MotionClip,
         frames: usize,
     ) -> Result<Vec<FrameTime>, MethodError> {
-        let mut player = Player::new(Arc::clone(&self.bundle), beta)?;
+        let mut player = self.player(beta)?;
         let mut times = Vec::with_capacity(frames);
         for t in (0..motion.len()).cycle().take(frames) {
             if t == 0 {

@@ -19,7 +19,6 @@ use softtissue_eval::{
     training_peaks, without_gru,
 };
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 
 /// What was found.
 pub struct Judgement {
@@ -38,7 +37,7 @@ pub fn judge_run(context: &Context, job: &Prepared, learned: &Learned, others: &
     let truth = scans.open_truth()?;
     let oracle = oracle(context, scans)?;
     let scene = Scene { body, fit, scans: Some(&scans.set), truth: truth.as_ref() };
-    let ours = BundleMethod { name: learned.bundle.info.method.clone(), bundle: Arc::clone(&learned.bundle) };
+    let ours = BundleMethod::as_learned(&learned.bundle);
     let mut rivals: Vec<&dyn Method> = vec![&ours];
     rivals.extend(others.iter().map(|m| m as &dyn Method));
     let mut methods = rivals.clone();

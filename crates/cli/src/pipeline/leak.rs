@@ -31,7 +31,7 @@ pub fn judge_leak(
     };
     probe("pose", &Descriptor::new(&descriptor_config(context, FeatureKind::Pose), body, None)?)?;
     if bundle.descriptor.features == FeatureKind::DisentangledPose {
-        let parts = bundle.model.descriptor_parts();
+        let parts = bundle.model.descriptor_parts(&bundle.descriptor);
         probe("disentangled-pose", &Descriptor::with_parts(&bundle.descriptor, body, parts)?)?;
     }
     Ok(found)

@@ -116,7 +116,7 @@ pub fn learn(
     let bundle = context.timed(&place.stage("bundle"), || ship(context, place, &material, &learned, bundle_dir))?;
     let ablation = |(part, model): (&str, Model)| BundleMethod {
         name: format!("{}/{part}", bundle.info.method),
-        bundle: Arc::new(Bundle { model, ..bundle.clone() }),
+        ..BundleMethod::as_learned(&Arc::new(Bundle { model, ..bundle.clone() }))
     };
     let ablations = learned.ablations.into_iter().map(ablation).collect();
     let LearnedModel { codecs, facts, .. } = learned;

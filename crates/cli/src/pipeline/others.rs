@@ -22,7 +22,7 @@ pub fn open_others(paths: &[PathBuf], job: &Prepared, taken: &[String]) -> Resul
         check_unseen(&dir, &bundle, &judged)?;
         let name = free_name(&bundle.info.method, path, &names);
         names.insert(name.clone());
-        methods.push(BundleMethod { name, bundle: Arc::new(bundle) });
+        methods.push(BundleMethod { name, ..BundleMethod::as_learned(&Arc::new(bundle)) });
     }
     Ok(methods)
 }

@@ -13,7 +13,6 @@ use softtissue_eval::{Metrics, Scene, Tally};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::sync::Arc;
 
 /// Writes a report to `path`.
 pub fn write_report(
@@ -26,7 +25,7 @@ pub fn write_report(
 ) -> Result<()> {
     let truth = job.scans.open_truth()?;
     let scene = Scene { body: &job.body, fit: &job.fit, scans: Some(&job.scans.set), truth: truth.as_ref() };
-    let ours = BundleMethod { name: learned.bundle.info.method.clone(), bundle: Arc::clone(&learned.bundle) };
+    let ours = BundleMethod::as_learned(&learned.bundle);
     let clips = shown(job, context.config.eval.playback_clips)?;
     let playback = clips.iter().map(|id| Ok(playback(&scene, &ours, id)?)).collect::<Result<Vec<_>>>()?;
     let stages: Vec<StageTime> =

@@ -8,7 +8,7 @@ use crate::verbs::animation_format::Format;
 use crate::verbs::avatar;
 use crate::verbs::body_shape;
 use crate::verbs::contact_sheet::ContactSheet;
-use crate::verbs::controls::{controls, rest_mesh};
+use crate::verbs::controls::{controls, detail, rest_mesh};
 use crate::verbs::motion::{Wanted, motion};
 use anyhow::Result;
 use serde_json::json;
@@ -45,6 +45,7 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     say_where_it_lies(&bundle, &flesh, &terminal);
     let mut player = Player::new(&bundle, &flesh)?;
     player.set_controls(&controls(args, &bundle.body)?).map_err(asked)?;
+    player.set_detail(&detail(args)?).map_err(asked)?;
     player.show_on(shown).map_err(asked)?;
     let wanted = Wanted { name: &args.motion, foreign: &args.foreign, frames: args.frames };
     let motion = motion(&wanted, &bundle.body, &beta, bundle.descriptor.fps, &terminal)?;

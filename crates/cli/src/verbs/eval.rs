@@ -14,9 +14,12 @@ use crate::terminal::Terminal;
 use crate::verbs::avatar;
 use crate::verbs::train::{Provenance, finish};
 use anyhow::Result;
+use softtissue_bundle::Control;
+use softtissue_clips::ClipId;
 use softtissue_eval::protocol::{Fold, FoldChoice, dyna_cases, leave_one_sequence_out, leave_one_subject_out};
 use softtissue_eval::report::plain;
 use softtissue_eval::{Method, Metrics, Scene, SubspaceTable, Tally, judge};
+use softtissue_model::tune_flesh;
 use softtissue_store::read_json;
 use std::path::Path;
 use std::sync::Arc;
@@ -96,12 +99,18 @@ fn protocol(args: &EvalArgs, context: &Context, base: &Opened, title: &str) -> R
         // Truth is opened only now that the fold's model is chosen.
         let truth = job.scans.open_truth()?;
         let scene = Scene { body: &job.body, fit: &job.fit, scans: Some(&job.scans.set), truth: truth.as_ref() };
-        let ours = BundleMethod { name: learned.bundle.info.method.clone(), bundle: Arc::clone(&learned.bundle) };
+        let ours = BundleMethod::as_learned(&learned.bundle);
+        let by = tuning_clip(args.protocol, context, &job);
+        let tuned = by.map(|clip| tuned(context, &job, &ours, clip)).transpose()?.flatten();
         let mut methods: Vec<&dyn Method> = vec![&ours];
+        methods.extend(tuned.iter().map(|m| m as &dyn Method));
         methods.extend(methods_of(&learned));
         methods.extend(oracle.iter().map(|m| m as &dyn Method));
         let mut one = Tally::default();
-        judge(&mut one, &scene, &methods, &job.split.test, Some(&left_out), context.monitor)?;
+        // Nobody is judged by a motion that a new person's flesh may be fitted to.
+        let held = |id: &&ClipId| by.is_none_or(|clip| clip.motion != id.motion);
+        let judged: Vec<ClipId> = job.split.test.iter().filter(held).cloned().collect();
+        judge(&mut one, &scene, &methods, &judged, Some(&left_out), context.monitor)?;
         if let Some(ratio) = one.metrics(name, 0).methods.get(ours.name()).and_then(|m| m.soft_ratio) {
             context.monitor.say(&format!("  {left_out}: soft ratio {ratio:.3}"));
         }
@@ -117,6 +126,37 @@ fn protocol(args: &EvalArgs, context: &Context, base: &Opened, title: &str) -> R
     write_protocol_report(context, title, &base.body.model, &metrics, &tally, &report)?;
     context.monitor.say(&format!("measures: {}\nreport: {}", path.display(), report.display()));
     Ok(metrics)
+}
+
+/// The clip by which the flesh of the person who is left out is fitted; `None` where nobody is left out or nothing would be
+/// left to judge by.
+fn tuning_clip<'a>(protocol: Protocol, context: &Context, job: &'a Prepared) -> Option<&'a ClipId> {
+    let motion = &context.config.eval.tuning_motion;
+    let others = job.split.test.iter().any(|id| id.motion != *motion);
+    let clip = job.split.test.iter().find(|id| id.motion == *motion);
+    clip.filter(|_| others && protocol == Protocol::Subjects)
+}
+
+/// A model of flesh with resonators or a recurrent network, fitted to a clip of a new person, as scanned and fitted: no
+/// truth is seen. `None` for other models.
+fn tuned(context: &Context, job: &Prepared, learned: &BundleMethod, clip: &ClipId) -> Result<Option<BundleMethod>> {
+    if learned.bundle.model.recurrent().is_none() {
+        return Ok(None);
+    }
+    let beta = job.fit.subject(&clip.subject)?.beta;
+    let (poses, deltas) = (job.fit.motion(clip)?, job.fit.deltas(clip)?);
+    let tuning = tune_flesh(&learned.bundle, &beta, &poses, &deltas, &context.config.tuning, context.monitor)?;
+    for r in &tuning.regions {
+        let Control { gain, mass, damping, .. } = r.control;
+        context.monitor.say(&format!(
+            "  {clip}: {} gain {gain:.2}, mass {mass:+.1}, damping {damping:.2}: error {:.3} to {:.3} of the motion",
+            r.region.name(),
+            r.ratio_before,
+            r.ratio_after
+        ));
+    }
+    let name = format!("{}/tuned", learned.name);
+    Ok(Some(BundleMethod { name, bundle: Arc::clone(&learned.bundle), controls: tuning.controls }))
 }
 
 /// The test motions of other scans, fitted as the run's own were. Their training motions serve the fit alone.

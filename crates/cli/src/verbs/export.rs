@@ -1,10 +1,10 @@
-//! `export`: the network of a bundle for other programs, and the page that plays it.
+//! `export`: the network of a bundle for other programs, the bundle in fewer bits, and the page that plays it.
 
 use crate::args::ExportArgs;
 use crate::exit::UsageError;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
-use crate::verbs::{body_shape, page};
+use crate::verbs::{body_shape, page, precision};
 use anyhow::Result;
 use softtissue_bundle::Bundle;
 use softtissue_export::{OnnxForm, write_onnx};
@@ -19,6 +19,7 @@ pub fn run(args: &ExportArgs, signals: &Signals) -> Result<()> {
         Some(dir) => Some((dir, page::site(&args.bundle, &args.motions, &Terminal::new(signals.clone(), false))?)),
         None => None,
     };
+    let wanted = args.precision.as_deref().map(precision::parse).transpose()?;
     let bundle = Bundle::read(&args.bundle)?;
     let beta = body_shape::of(&args.body, &bundle)?;
     for (path, form) in [(&args.onnx, OnnxForm::Fused), (&args.plain_onnx, OnnxForm::Plain)] {
@@ -30,6 +31,9 @@ pub fn run(args: &ExportArgs, signals: &Signals) -> Result<()> {
             path.display(),
             bundle.body.vertex_count()
         ));
+    }
+    if let (Some(precision), Some(dir)) = (wanted, &args.out) {
+        precision::write(&args.bundle, &bundle, precision, dir, &Terminal::new(signals.clone(), false))?;
     }
     if let Some((dir, site)) = site {
         crate::print_line(&site.write(dir)?.display().to_string());

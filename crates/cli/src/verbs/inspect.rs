@@ -14,12 +14,17 @@ use crate::exit::{InputError, UsageError};
 use anyhow::Result;
 use facts::Facts;
 use near::BodyFinder;
+use softtissue_eval::Metrics;
+use softtissue_eval::report::plain;
 use softtissue_import::motion::is_motion_file;
 use softtissue_store::TensorFile;
 use std::path::Path;
 
 /// Runs the verb.
 pub fn run(args: &InspectArgs) -> Result<()> {
+    if args.path.is_file() && args.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+        return measures(args);
+    }
     let finder = BodyFinder::new(&args.path, args.body.as_deref())?;
     let facts = facts_of(&args.path, &finder)?;
     if let Some(picture) = &args.picture {
@@ -39,6 +44,17 @@ pub fn run(args: &InspectArgs) -> Result<()> {
     Ok(())
 }
 
+/// The tables of a `metrics.json`, as `eval` prints them.
+fn measures(args: &InspectArgs) -> Result<()> {
+    let metrics = Metrics::read(&args.path)?;
+    if args.picture.is_some() {
+        return Err(UsageError("--picture: there is nothing to draw of measures; the report has charts".into()).into());
+    }
+    let text = if args.json { serde_json::to_string_pretty(&metrics)? } else { plain::tables(&metrics) };
+    crate::print_line(text.trim_end());
+    Ok(())
+}
+
 fn facts_of(path: &Path, finder: &BodyFinder) -> Result<Facts> {
     if path.is_dir() {
         return folders::facts(path, finder);
@@ -55,7 +71,7 @@ fn facts_of(path: &Path, finder: &BodyFinder) -> Result<Facts> {
         _ if !path.exists() => Err(InputError(format!("{} does not exist: check the path", path.display())).into()),
         _ => Err(InputError(format!(
             "{}: no file that softtissue knows (clips and bodies are .safetensors, meshes .obj and .ply, scans .hdf5, .h5 and \
-             .npz, motions .bvh, .amc and .npz, foreign bodies .pkl, .npz and .whl)",
+             .npz, motions .bvh, .amc and .npz, foreign bodies .pkl, .npz and .whl, measures .json)",
             path.display()
         ))
         .into()),

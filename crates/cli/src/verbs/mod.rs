@@ -15,8 +15,10 @@ pub mod import;
 pub mod inspect;
 mod motion;
 mod page;
+mod precision;
 pub mod synth;
 pub mod train;
+pub mod tune;
 pub mod view;
 
 use crate::args::Settings;

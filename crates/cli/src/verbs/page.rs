@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// Motions of a page that nobody chose any for: light and hard landings, shaking of several parts, and one that comes to
 /// rest, in which flesh is seen to ring.
-const MOTIONS: [&str; 6] = [
+pub const MOTIONS: [&str; 6] = [
     "synth:jumping_jacks",
     "synth:hop_then_stand",
     "synth:running_on_spot",

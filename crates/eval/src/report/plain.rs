@@ -1,7 +1,7 @@
 //! The tables as text, for the terminal and for files that are read as they are.
 
 use super::text::{by_rank, is_channel};
-use crate::{Metrics, SubspaceMetrics};
+use crate::{MethodMetrics, Metrics, SubspaceMetrics};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
@@ -10,6 +10,8 @@ pub fn tables(metrics: &Metrics) -> String {
     let parts = [
         judged(metrics),
         methods(metrics),
+        energies(metrics),
+        channels(metrics),
         sequences(metrics),
         subspace(metrics),
         people(metrics),
@@ -66,6 +68,47 @@ pub fn methods(metrics: &Metrics) -> String {
                 ],
             );
         }
+    }
+    table.finish()
+}
+
+/// Whether each part moves as much as it should.
+fn energies(metrics: &Metrics) -> String {
+    let mut table = Table::new(
+        "Energy by region: speed of the deltas over the true one.",
+        &["method", "belly", "chest", "buttocks", "thighs", "upper arms"],
+    );
+    for (name, m) in metrics.main_methods() {
+        let of = |region: &str| fixed(m.regions.get(region).and_then(|r| r.energy_ratio), 2);
+        let cells = ["belly", "chest", "buttocks", "thighs", "upper-arms"].map(of);
+        if cells.iter().any(Option::is_some) && !["body", "mean"].contains(&name) {
+            table.row(name, cells);
+        }
+    }
+    table.finish()
+}
+
+/// The same models on other sources of pose.
+fn channels(metrics: &Metrics) -> String {
+    if !metrics.methods.keys().any(|name| is_channel(name)) {
+        return String::new();
+    }
+    let mut table = Table::new(
+        "Soft ratio and energy on other sources of pose: the motion fitted to the test scan, and one with smooth errors of a \
+         degree or two.",
+        &["method", "main, ratio", "energy", "fitted, ratio", "energy", "rough, ratio", "energy"],
+    );
+    for (name, main) in metrics.main_methods() {
+        let others = ["fitted", "rough"].map(|channel| metrics.methods.get(&format!("{name}/{channel}")));
+        if others.iter().all(Option::is_none) {
+            continue;
+        }
+        let of = |m: Option<&MethodMetrics>| {
+            let energy = m.and_then(|m| m.regions.get("soft")).and_then(|r| r.energy_ratio);
+            [fixed(m.and_then(|m| m.soft_ratio), 3), fixed(energy, 2)]
+        };
+        let cells = std::iter::once(Some(main)).chain(others).flat_map(of);
+        table.row(name, cells);
     }
     table.finish()
 }
@@ -309,13 +352,28 @@ mod tests {
 
     #[test]
     fn rows_stand_in_line_and_only_what_was_measured_has_a_table() {
-        let text = tables(&metrics());
+        let mut m = metrics();
+        m.methods.remove("dyna/fitted");
+        let text = tables(&m);
         assert_eq!(line(&text, "dyna"), ["dyna", "1.500 ± 0.250", "1.500 ± 0.250", "-", "0.600", "0.80"]);
-        assert!(!text.contains("dyna/fitted") && text.contains("diverged"));
+        assert!(text.contains("diverged"));
         assert_eq!(text.matches("\n\n").count(), 0, "one table:\n{text}");
         let ends: Vec<usize> =
             text.lines().skip(1).filter(|l| !l.contains("diverged")).map(|l| l.chars().count()).collect();
         assert!(ends.windows(2).all(|w| w[0] == w[1]), "{text}");
+    }
+
+    #[test]
+    fn other_poses_and_regions_have_tables_of_their_own() {
+        let mut m = metrics();
+        let belly = RegionMetrics { energy_ratio: Some(0.95), ..Default::default() };
+        m.methods.get_mut("dyna").expect("dyna").regions.insert("belly".into(), belly);
+        let text = tables(&m);
+        assert!(!text.contains("dyna/fitted"), "{text}");
+        let after = |title: &str| text.split(title).nth(1).expect("a table");
+        assert_eq!(line(after("Energy by region"), "dyna"), ["dyna", "0.95", "-", "-", "-", "-"]);
+        let poses = ["dyna", "0.600", "0.80", "0.600", "0.80", "-", "-"];
+        assert_eq!(line(after("other sources of pose"), "dyna"), poses);
     }
 
     #[test]

@@ -76,7 +76,9 @@ impl Graph {
     /// `x W^T`.
     pub(super) fn product(&mut self, name: &str, weight: &Matrix, x: &str) -> String {
         let (rows, cols) = (weight.rows(), weight.cols());
-        let transposed: Vec<f32> = (0..cols).flat_map(|c| (0..rows).map(move |r| weight.row(r)[c])).collect();
+        let numbers = weight.numbers();
+        let numbers = &numbers;
+        let transposed: Vec<f32> = (0..cols).flat_map(|c| (0..rows).map(move |r| numbers[r * cols + c])).collect();
         let weight = self.numbers(&format!("{name}.weight"), &[cols, rows], &transposed);
         self.node(name, "MatMul", &[x, &weight], &[])
     }

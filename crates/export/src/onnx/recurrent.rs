@@ -94,7 +94,7 @@ fn network(graph: &mut Graph, recurrent: &Recurrent, amplitude: f32, shape: &[f3
     }
     graph.output("hidden_out", &[width], "hidden of the next frame");
     let Linear { weight, bias } = &recurrent.readout;
-    let data = weight.data().iter().map(|w| amplitude * w).collect();
+    let data = weight.numbers().iter().map(|w| amplitude * w).collect();
     let readout = Linear {
         weight: Matrix::new(weight.rows(), weight.cols(), data),
         bias: bias.iter().map(|b| amplitude * b).collect(),
@@ -108,7 +108,8 @@ fn of_shape(gru: &Gru, shape: &[f32]) -> Gru {
     let mut b_ih = gru.b_ih.clone();
     let mut w_ih = Vec::with_capacity(gru.w_ih.rows() * inputs);
     for (row, bias) in b_ih.iter_mut().enumerate() {
-        let (features, rest) = gru.w_ih.row(row).split_at(inputs);
+        let weights = gru.w_ih.numbers_of_row(row);
+        let (features, rest) = weights.split_at(inputs);
         w_ih.extend_from_slice(features);
         *bias += rest.iter().zip(shape).map(|(w, b)| w * b).sum::<f32>();
     }
@@ -119,7 +120,9 @@ fn of_shape(gru: &Gru, shape: &[f32]) -> Gru {
 fn fused(graph: &mut Graph, gru: &Gru, inputs: usize, x: &str, hidden: &str) {
     let width = gru.width();
     let gates = [1, 0, 2].map(|g| g * width..(g + 1) * width);
-    let rows = |m: &Matrix| -> Vec<f32> { gates.iter().cloned().flatten().flat_map(|r| m.row(r).to_vec()).collect() };
+    let rows = |m: &Matrix| -> Vec<f32> {
+        gates.iter().cloned().flatten().flat_map(|r| m.numbers_of_row(r).into_owned()).collect()
+    };
     let biases = |b: &[f32]| -> Vec<f32> { gates.iter().flat_map(|g| b[g.clone()].to_vec()).collect() };
     let w = graph.numbers("gru.w", &[1, 3 * width, inputs], &rows(&gru.w_ih));
     let r = graph.numbers("gru.r", &[1, 3 * width, width], &rows(&gru.w_hh));
@@ -143,7 +146,7 @@ fn plain(graph: &mut Graph, gru: &Gru, x: &str, hidden: &str) {
     let gate = |graph: &mut Graph, name: &str, g: usize| {
         let rows = g * width..(g + 1) * width;
         let part = |weight: &Matrix, bias: &[f32]| {
-            let data = rows.clone().flat_map(|r| weight.row(r).to_vec()).collect();
+            let data = rows.clone().flat_map(|r| weight.numbers_of_row(r).into_owned()).collect();
             Linear { weight: Matrix::new(width, weight.cols(), data), bias: bias[rows.clone()].to_vec() }
         };
         let input = graph.linear(&format!("gru.{name}.input"), &part(&gru.w_ih, &gru.b_ih), x);
@@ -176,7 +179,7 @@ fn decoded(graph: &mut Graph, subspace: &Subspace, latent: &str) {
     let (k, n) = (basis.directions.rows(), basis.directions.cols());
     let centre = graph.numbers("basis.centre", &[k], &basis.coefficient_mean);
     let coefficients = graph.node("coefficients", "Add", &[&coefficients, &centre], &[]);
-    let directions = graph.numbers("basis.directions", &[k, n], basis.directions.data());
+    let directions = graph.numbers("basis.directions", &[k, n], &basis.directions.numbers());
     let mean = graph.numbers("basis.mean", &[n], &basis.mean);
     let moved = graph.node("basis.moved", "MatMul", &[&coefficients, &directions], &[]);
     let flat = graph.node("basis.deltas", "Add", &[&moved, &mean], &[]);
