@@ -62,7 +62,8 @@ fn loss(bundle: &Bundle, reduced: &Bundle, monitor: &dyn Monitor) -> Result<Prec
     let foreign = MotionSourceArgs::default();
     monitor.begin("precision", MOTIONS.len() as u64, "motions");
     for name in MOTIONS {
-        let clip = motion(&Wanted { name, foreign: &foreign, frames: FRAMES }, bundle, &beta, monitor)?;
+        let wanted = Wanted { name, foreign: &foreign, frames: FRAMES };
+        let clip = motion(&wanted, &bundle.body, &beta, bundle.descriptor.fps, monitor)?;
         loss.add(bundle, reduced, &beta, &clip.rotations, &clip.translations)?;
         monitor.advance(1, name);
         if monitor.should_stop() {
