@@ -96,7 +96,7 @@ pub struct LossWeights {
 pub struct TeacherConfig {
     /// Steps of a whole training. Default 3000; the paper's 90000.
     pub steps: u64,
-    /// Learning rate at the start; falls to zero by a cosine. Default 1e-3; the paper's 1e-4.
+    /// Learning rate at the start; falls to zero by a cosine. Default 3e-3; the paper's 1e-4.
     pub learning_rate: f64,
     /// Points on the scan, for the surface and the normal term. Default 500; the paper's 10000.
     pub surface: usize,
@@ -214,7 +214,7 @@ impl Default for LossWeights {
 
 impl Default for TeacherConfig {
     fn default() -> Self {
-        Self { steps: 3000, learning_rate: 1e-3, surface: 500, near: 400, within: 200 }
+        Self { steps: 3000, learning_rate: 3e-3, surface: 500, near: 400, within: 200 }
     }
 }
 
