@@ -87,7 +87,13 @@ impl AvatarBody {
     }
 
     /// What the prediction of frame `t` sees: poses up to it, and the heights of the frames before, the newest last.
-    pub fn input(&self, conditioning: Conditioning, track: &PoseTrack, t: usize, heights: &[&[f32]]) -> FrameInput {
+    pub(crate) fn input(
+        &self,
+        conditioning: Conditioning,
+        track: &PoseTrack,
+        t: usize,
+        heights: &[&[f32]],
+    ) -> FrameInput {
         let history = self.config.history;
         let back = |count: usize| (0..count).map(move |i| (t + 1 + i) as isize - count as isize);
         let seen = if conditioning == Conditioning::PoseTcn { self.config.tcn_frames } else { 1 };
@@ -100,7 +106,7 @@ impl AvatarBody {
     }
 
     /// Query points beside the observers of a frame.
-    pub fn queries(
+    pub(crate) fn queries(
         &self,
         points: &[Vec3],
         tree: &PointTree,
@@ -113,7 +119,7 @@ impl AvatarBody {
     }
 
     /// Dynamic features `[M, latents]`.
-    pub fn features(&self, network: &AvatarNetwork, input: &FrameInput) -> Tensor<2> {
+    pub(crate) fn features(&self, network: &AvatarNetwork, input: &FrameInput) -> Tensor<2> {
         network.features(input, &self.ground)
     }
 }

@@ -1,10 +1,11 @@
 //! What tests share.
 
+use crate::NetworkConfig;
 use crate::avatar::AvatarBody;
 use crate::clip::AvatarClip;
 use crate::features::PoseTrack;
 use crate::network::Ground;
-use crate::{NetworkConfig, WeightedRows};
+use crate::rows::WeightedRows;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use glam::Vec3;

@@ -30,17 +30,12 @@ pub use clip::{AvatarClip, ClipRequest};
 pub use config::{
     AvatarConfig, Conditioning, LossWeights, NetworkConfig, PoseSource, RolloutConfig, StageConfig, TeacherConfig,
 };
-pub use decoder::{Decoder, FieldValues};
 pub use error::AvatarError;
-pub use features::{PoseTrack, height_features, localisation, log_scaled};
+pub use features::PoseTrack;
 pub use judge::{Candidate, REACH, ROLLOUTS, RolloutFigures, RolloutTally};
-pub use loss::{BatchShape, FieldLoss, field_loss};
 pub use model::{AvatarInfo, AvatarModel, LearnedNetwork};
-pub use network::{AvatarNetwork, FrameInput, Ground};
-pub use queries::{Encoding, Queries, Relation};
-pub use rows::WeightedRows;
+pub use network::AvatarNetwork;
 pub use trainee::AvatarTrainee;
-pub use unet::UNet;
 
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, AvatarError>;

@@ -77,7 +77,7 @@ pub struct AvatarNetwork {
 
 impl AvatarNetwork {
     /// An untrained network for a body of `joints` joints.
-    pub fn new(
+    pub(crate) fn new(
         config: &NetworkConfig,
         conditioning: Conditioning,
         joints: usize,
@@ -107,7 +107,7 @@ impl AvatarNetwork {
     }
 
     /// Dynamic features `[M, latents]` of the frame that `input` leads to.
-    pub fn features(&self, input: &FrameInput, ground: &Ground) -> Tensor<2> {
+    pub(crate) fn features(&self, input: &FrameInput, ground: &Ground) -> Tensor<2> {
         let device = ground.localisation.device();
         let [observers, _] = ground.localisation.dims();
         let mut parts = vec![self.poses(&input.poses, ground)];
@@ -142,14 +142,14 @@ impl AvatarNetwork {
     }
 
     /// The field of dynamic features at query points.
-    pub fn field(&self, features: Tensor<2>, queries: &Queries) -> FieldValues {
+    pub(crate) fn field(&self, features: Tensor<2>, queries: &Queries) -> FieldValues {
         self.decoder.forward(features, queries)
     }
 }
 
 impl NetworkConfig {
     /// How query points are encoded.
-    pub fn encoding(&self) -> Encoding {
+    pub(crate) fn encoding(&self) -> Encoding {
         Encoding { frequencies: self.frequencies, softening: self.softening }
     }
 }

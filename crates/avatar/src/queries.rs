@@ -141,16 +141,6 @@ impl Queries {
             tangents,
         }
     }
-
-    /// Points `N`.
-    pub fn len(&self) -> usize {
-        self.shape[0]
-    }
-
-    /// Whether there is no point; never so.
-    pub fn is_empty(&self) -> bool {
-        self.shape[0] == 0
-    }
 }
 
 #[cfg(test)]
