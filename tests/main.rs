@@ -17,3 +17,4 @@ mod motion;
 mod resume;
 mod softsmpl;
 mod support;
+mod view;
