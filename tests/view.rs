@@ -57,7 +57,7 @@ fn a_run_shows_truth_body_and_prediction_and_its_fit_when_asked() {
     assert!(!clips(&data).is_empty() && clips(&data).iter().all(|c| c.contains("/one_leg_jump.0 · test")), "{data}");
     assert!(html.contains("Run of method softtissue"));
     let (data, _) = page(run, &home, &["--clip", "s01/punching.0", "--fit", "--range", "10..30"]);
-    assert_eq!(keys(&data), ["scan", "fit", "reference", "predicted", "alone", "deltas"]);
+    assert_eq!(keys(&data), ["scan", "fit", "reference", "predicted", "surface", "alone", "deltas"]);
     assert_eq!(clips(&data), ["s01/punching.0 · seen in training"]);
     assert_eq!(data["clips"][0]["frames"], 20);
     assert!((data["clips"][0]["start"].as_f64().expect("a time") - 10.0 / 60.0).abs() < 1e-6);

@@ -62,7 +62,9 @@ fn a_report_loads_nothing_and_holds_the_figures() {
         soft.mean_mm.unwrap(),
         soft.std_mm.unwrap()
     )));
-    assert!(html.contains("id=\"view-reference\"") && html.contains(r#"{"key":"alone","label":"Body alone","over":null}"#));
+    assert!(
+        html.contains("id=\"view-reference\"") && html.contains(r#"{"key":"alone","label":"Body alone","over":null}"#)
+    );
     let clip = &metrics.clips[0].methods["body"].regions["soft"];
     assert!(html.contains(&format!(
         "{:.2}<span class=\"pm\">±{:.2}</span>",

@@ -33,7 +33,7 @@ pub fn kept(run: &Path, config: &Config, data: Option<&Path>, data_dir: &Path, m
         let (run, data_dir) = (run.display(), data_dir.display());
         InputError(format!(
             "{what} of {run} are not in {data_dir}: name their place with --data-dir, or make them again with `softtissue \
-             train --resume --out {run}`"
+             train --resume --out {run}` (what another version of softtissue made is not taken)"
         ))
     };
     if !body_place(config, data_dir)?.exists() {

@@ -19,7 +19,7 @@ use anyhow::Result;
 use choice::Asked;
 use shown::Shown;
 use softtissue_monitor::Monitor;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Runs the verb.
 pub fn run(args: &ViewArgs, signals: &Signals) -> Result<()> {
@@ -53,7 +53,7 @@ fn shown_of(args: &ViewArgs, kind: &Kind, monitor: &dyn Monitor) -> Result<Shown
     match kind {
         Kind::Run => runs::run(path, args, &asked, monitor),
         Kind::Generated => sets::scans(&path.join("scans"), &asked, &finder, monitor),
-        Kind::Truth => sets::scans(&beside(path, "scans"), &asked, &finder, monitor),
+        Kind::Truth => sets::scans(&sets::beside(path, "scans"), &asked, &finder, monitor),
         Kind::ScanSet => sets::scans(path, &asked, &finder, monitor),
         Kind::FitSet => sets::fits(path, &asked, &finder, monitor),
         Kind::Tensors(file) => match file.meta("kind") {
@@ -72,11 +72,6 @@ fn shown_of(args: &ViewArgs, kind: &Kind, monitor: &dyn Monitor) -> Result<Shown
         Kind::Anny | Kind::ForeignBody => nothing("a body model"),
         Kind::Bundle => nothing("a bundle"),
     }
-}
-
-/// A folder's neighbour.
-fn beside(path: &Path, name: &str) -> PathBuf {
-    std::path::absolute(path).ok().and_then(|p| p.parent().map(|p| p.join(name))).unwrap_or_else(|| path.join(name))
 }
 
 /// Options that say nothing to what is viewed are refused.

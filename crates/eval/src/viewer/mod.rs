@@ -27,7 +27,8 @@ use std::path::Path;
 /// One body of a clip, or what is added to one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// Names it within the page: `alone`, `reference`, `predicted`, `fit`, `deltas`, `scan`.
+    /// Names it within the page: `alone`, `reference`, `predicted`, `fit`, `deltas`, `scan`,
+    /// `surface`.
     pub key: &'static str,
     /// Names it to people.
     pub label: String,

@@ -8,16 +8,21 @@ use crate::settings::stored;
 use crate::verbs::train::Provenance;
 use anyhow::Result;
 use softtissue_bundle::Bundle;
-use softtissue_clips::{ClipId, Part, Split};
-use softtissue_eval::viewer::{ViewClip, fitted, playback};
+use softtissue_clips::{ClipId, Part, Split, TruthSet};
+use softtissue_eval::viewer::{Layer, ViewClip, fitted, playback};
 use softtissue_eval::{BodyAlone, EvalError, Method, Scene};
 use softtissue_monitor::Monitor;
 use softtissue_store::read_json;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Layers of a played clip, and those of its fit.
-const LAYERS: (usize, usize) = (3, 3);
+/// Layers of a played clip, and those that its fit adds.
+const LAYERS: (usize, usize) = (3, 4);
+/// The order of all layers: those at the front are shown first.
+const ORDER: [&str; 7] = ["scan", "fit", "reference", "predicted", "surface", "alone", "deltas"];
+/// Why the fit is not where the truth is.
+const FIT_NOTE: &str = "Scan, fit and true surface have the person's static detail and the fit its own pose; truth, prediction and \
+                        body alone stand on the fitted shape without that detail. Distances between the two groups hold both.";
 
 /// Clips of a run, those left out for testing first.
 pub fn run(path: &Path, args: &ViewArgs, asked: &Asked, monitor: &dyn Monitor) -> Result<Shown> {
@@ -38,6 +43,9 @@ pub fn run(path: &Path, args: &ViewArgs, asked: &Asked, monitor: &dyn Monitor) -
         notes.push("No bundle yet: nothing is predicted before the run has finished its training.".into());
     }
     let scene = Scene { body: &kept.body, fit: &kept.fit, scans: Some(&kept.scans.set), truth: truth.as_ref() };
+    if args.fit {
+        notes.push(FIT_NOTE.into());
+    }
     let mut clips = Vec::new();
     for (id, pick) in &chosen.clips {
         if monitor.should_stop() {
@@ -48,7 +56,7 @@ pub fn run(path: &Path, args: &ViewArgs, asked: &Asked, monitor: &dyn Monitor) -
             clip.layers.retain(|l| l.key != "predicted");
         }
         if args.fit {
-            add_fit(&mut clip, &kept, id)?;
+            add_fit(&mut clip, &kept, truth.as_ref(), id)?;
         }
         clip.name = format!("{id} · {}", part_of(&kept.split, id));
         clips.push(clip.picked(pick));
@@ -99,18 +107,17 @@ fn part_of(split: &Split, id: &ClipId) -> &'static str {
     }
 }
 
-/// Puts the scan and its fit before the played layers.
-fn add_fit(clip: &mut ViewClip, kept: &Kept, id: &ClipId) -> Result<()> {
+/// Puts the scan, its fit and the true surface among the played layers.
+fn add_fit(clip: &mut ViewClip, kept: &Kept, truth: Option<&TruthSet>, id: &ClipId) -> Result<()> {
     let scan = kept.scans.set.scan(id)?;
-    let found = fitted(&kept.body, &kept.fit, Some(&scan), id)?;
-    let mut layers = found.layers;
-    layers.append(&mut clip.layers);
+    clip.layers.extend(fitted(&kept.body, &kept.fit, Some(&scan), id)?.layers);
+    if let Some(truth) = truth {
+        let frames = truth.clean(id)?.vertices;
+        clip.layers.push(Layer { key: "surface", label: "True surface".into(), over: None, frames });
+    }
     // Without truth the reference is the scan too, but on another body than the fit's.
-    let of_scan = layers.iter_mut().filter(|l| l.key == "reference" && l.label == "Scan");
+    let of_scan = clip.layers.iter_mut().filter(|l| l.key == "reference" && l.label == "Scan");
     of_scan.for_each(|l| l.label = "Scan's deltas".into());
-    // What stands at the front is shown first.
-    let rank = |key: &str| ["scan", "fit", "reference", "predicted", "alone", "deltas"].iter().position(|k| *k == key);
-    layers.sort_by_key(|l| rank(l.key));
-    clip.layers = layers;
+    clip.layers.sort_by_key(|l| ORDER.iter().position(|key| *key == l.key));
     Ok(())
 }

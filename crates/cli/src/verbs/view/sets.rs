@@ -10,8 +10,14 @@ use softtissue_eval::EvalError;
 use softtissue_eval::viewer::{Layer, Pick, ViewClip, fitted, true_clip};
 use softtissue_geometry::Frames;
 use softtissue_monitor::Monitor;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// A folder's neighbour; without a name the folder that holds both.
+pub fn beside(path: &Path, name: &str) -> PathBuf {
+    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    whole.parent().unwrap_or(&whole).join(name)
+}
 
 /// Layers of a scan with its truth, and of a fit.
 const LAYERS: (usize, usize) = (3, 2);
@@ -20,8 +26,8 @@ const LAYERS: (usize, usize) = (3, 2);
 pub fn scans(path: &Path, asked: &Asked, finder: &BodyFinder, monitor: &dyn Monitor) -> Result<Shown> {
     let set = ScanSet::open(path)?;
     let body = body_of(path, set.vertex_count(), set.topology(), finder)?;
-    let beside = set.root().parent().map(|p| p.join("truth")).filter(|p| p.join("subjects.json").exists());
-    let truth = beside.map(|p| TruthSet::open(&p)).transpose()?;
+    let truth = Some(beside(path, "truth")).filter(|p| p.join("subjects.json").exists());
+    let truth = truth.map(|p| TruthSet::open(&p)).transpose()?;
     let points = set.vertex_count() * if truth.is_some() { LAYERS.0 } else { 1 };
     let chosen = asked.choose(set.clips(), &set.ids(), points, path)?;
     let mut clips = Vec::new();
@@ -37,7 +43,9 @@ pub fn scans(path: &Path, asked: &Asked, finder: &BodyFinder, monitor: &dyn Moni
     let what = if truth.is_some() { "Scans and their truth" } else { "Scans" };
     let about = format!("{what}: {} clips, {} vertices.", set.clips().len(), set.vertex_count());
     let reference = truth.is_some().then_some("reference");
-    Ok(Shown { reference, ..Shown::on(&body, path, about, clips, chosen.notes) })
+    // A generated set is called by the folder that holds both.
+    let named = if truth.is_some() { beside(path, "") } else { path.to_owned() };
+    Ok(Shown { reference, ..Shown::on(&body, &named, about, clips, chosen.notes) })
 }
 
 /// Some frames of a scan clip, the others unread.
