@@ -72,11 +72,11 @@ fn unpacked(layer: &Value, frames: usize, vertices: usize) -> Vec<Vec3> {
     for i in 0..count {
         let z = u16::from(bytes[i]) | u16::from(bytes[count + i]) << 8;
         let second = (z >> 1) as i16 ^ -((z & 1) as i16);
-        let back = |k: usize| if i >= k * stride { q[i - k * stride] } else { 0 };
-        q[i] = if i < stride { second } else { second.wrapping_add(back(1).wrapping_mul(2)).wrapping_sub(back(2)) };
-        if (stride..2 * stride).contains(&i) {
-            q[i] = second.wrapping_add(back(1));
-        }
+        q[i] = match i / stride {
+            0 => second,
+            1 => second.wrapping_add(q[i - stride]),
+            _ => second.wrapping_add(q[i - stride].wrapping_mul(2)).wrapping_sub(q[i - 2 * stride]),
+        };
     }
     let step = layer["step"].as_f64().expect("a step");
     let at = |t: usize, v: usize| {

@@ -9,6 +9,7 @@ use std::fmt::Write;
 
 const CSS: &str = include_str!("../assets/style.css");
 const CHARTS: &str = include_str!("../assets/charts.js");
+const CANVAS: &str = include_str!("../assets/canvas.js");
 const VIEWER: &str = include_str!("../assets/viewer.js");
 const VIEW: &str = include_str!("../assets/view.js");
 
@@ -141,7 +142,7 @@ pub fn document(title: &str, body: &str, data: &impl Serialize, script: &str) ->
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:\">\
          <link rel=\"icon\" href=\"data:,\"><style>{CSS}</style></head><body>{body}\
          <footer>Made by softtissue. This file stands alone: it loads nothing.</footer>\
-         <script type=\"application/json\" id=\"data\">{json}</script><script>{CHARTS}{VIEWER}{script}</script></body></html>"
+         <script type=\"application/json\" id=\"data\">{json}</script><script>{CHARTS}{CANVAS}{VIEWER}{script}</script></body></html>"
     );
     Ok(out)
 }
