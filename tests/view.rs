@@ -104,7 +104,7 @@ fn scans_fits_and_clips_of_ours_have_their_layers() {
     assert_eq!(keys(&data), ["scan"]);
     let fit = tiny_fit();
     let (data, _) = page(&fit, &home, &["--clip", &id.to_string()]);
-    assert_eq!((keys(&data), clips(&data)), (vec!["deltas", "fit"], vec![id.to_string().as_str()]));
+    assert_eq!((keys(&data), clips(&data)), (vec!["fit", "deltas"], vec![id.to_string().as_str()]));
     assert_eq!(keys(&page(&FitSet::delta_path(&fit, &id), &home, &[]).0), ["deltas", "alone"]);
     let motion = TruthSet::motion_path(&made.join("truth"), &id);
     assert_eq!(keys(&page(&motion, &home, &["--range", "..7"]).0), ["alone"]);

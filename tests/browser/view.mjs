@@ -96,6 +96,9 @@ const tests = {
   },
   "dragging turns all panes, with Shift it moves them": async () => {
     for (const key of [null, "Shift"]) {
+      // the click on the button below may have scrolled, and slowly
+      await page.evaluate(() => scrollTo({ top: 0, behavior: "instant" }));
+      await page.waitForTimeout(100);
       const before = await seen();
       const box = await page.locator("#viewer canvas").last().boundingBox();
       const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
@@ -105,6 +108,7 @@ const tests = {
       await page.mouse.move(x + 60, y + 20, { steps: 4 });
       await page.mouse.up();
       if (key) await page.keyboard.up(key);
+      await page.waitForTimeout(100);
       assert(changed(before, await seen()).every(Boolean), key ?? "drag");
       await page.click("#reset");
     }
