@@ -88,7 +88,7 @@ fn method(path: &Path, kept: &Kept) -> Result<Option<BundleMethod>> {
     }
     let bundle = Bundle::read(&dir)?;
     bundle.require_topology(&dir, &kept.body.topology.hash())?;
-    Ok(Some(BundleMethod { name: bundle.info.method.clone(), bundle: Arc::new(bundle) }))
+    Ok(Some(BundleMethod::as_learned(&Arc::new(bundle))))
 }
 
 /// What is likely to be asked for: clips that training has not seen, of the heaviest first.
