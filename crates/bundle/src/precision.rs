@@ -173,7 +173,9 @@ impl Model {
             Self::Feedback(FeedbackModel { people }) => {
                 for person in people {
                     let layers = person.encoder.0.iter_mut().chain([&mut person.hidden, &mut person.output]);
-                    layers.map(|l| halve(&mut l.weight)).collect::<std::result::Result<(), _>>()?;
+                    for layer in layers {
+                        halve(&mut layer.weight)?;
+                    }
                 }
             }
             // The rest are few numbers, among them poles that rounding could make unstable.

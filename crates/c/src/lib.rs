@@ -297,7 +297,8 @@ pub unsafe extern "C" fn softtissue_control(
         if name == "everywhere" {
             controls.everywhere = control;
         } else {
-            let region = region(name).map_err(|known| format!("{name:?} is no region; choose everywhere, {known}"))?;
+            let region =
+                self::region(name).map_err(|known| format!("{name:?} is no region; choose everywhere, {known}"))?;
             controls.regions.retain(|(r, _)| *r != region);
             controls.regions.push((region, control));
         }
