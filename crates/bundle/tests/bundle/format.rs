@@ -22,7 +22,7 @@ fn a_bundle_reads_back_and_plays_the_same_to_the_bit() {
         let read = Bundle::read(dir.path()).unwrap();
         assert_eq!(read.info, written.info);
         assert_eq!(read.manifest().unwrap(), written.manifest().unwrap());
-        assert_eq!(read.model, written.model);
+        assert_eq!((&read.model, &read.trust), (&written.model, &written.trust));
         assert_eq!((&read.descriptor, &read.self_check), (&written.descriptor, &written.self_check));
         let play = |bundle: &Bundle| {
             Player::new(bundle, &[0.2, 0.9]).unwrap().rollout_vertices(&rotations, &translations).unwrap()
@@ -110,6 +110,9 @@ fn the_format_does_not_drift() {
         deltas: Frames::from_points(2, points(4)),
     };
     let check = bundle.self_check.clone();
+    let features = bundle.trust.mean.len();
+    bundle.trust.mean = vec![0.25; features];
+    bundle.trust.scale = vec![0.5; features];
     hashes_to(&bundle, dir.path(), PINNED);
 
     let mut mixture = autoregressive();
@@ -120,6 +123,9 @@ fn the_format_does_not_drift() {
         dynamics.weight = Matrix::new(7, d, (0..7 * d).map(|_| number()).collect());
     }
     mixture.self_check = check;
+    let features = mixture.trust.mean.len();
+    mixture.trust.mean = vec![0.25; features];
+    mixture.trust.scale = vec![0.5; features];
     hashes_to(&mixture, dir.path(), PINNED_AUTOREGRESSIVE);
 
     for (precision, pinned) in [(Precision::F16, PINNED_F16), (Precision::I8, PINNED_I8)] {
