@@ -159,7 +159,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             let at = frame as f64 - self.clock.phase;
             on_frame = (gap - at).abs() < SAME_TIME;
             let jumped = std::mem::take(&mut self.clock.jumped);
-            let report = if on_frame {
+            let mut report = if on_frame {
                 self.step_after(pose, jumped)
             } else {
                 let translation = self.clock.between(at);
@@ -168,6 +168,8 @@ impl<B: Deref<Target = Bundle>> Player<B> {
                 self.clock.blend = blend;
                 report
             };
+            // Told when it came.
+            report.teleported &= !jumped;
             sum.add(report);
         }
         self.clock.phase = end - frames as f64;
