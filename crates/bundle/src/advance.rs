@@ -115,9 +115,8 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     /// An unusable pose counts as none: what is shown stays until the next one, which bridges the time. A `dt` that is no
     /// positive number changes nothing; more than half a second without a pose begins a new motion.
     pub fn advance(&mut self, pose: Pose, dt: f32) -> StepReport {
-        let mut sum = StepReport::default();
-        sum.time_ignored = dt.is_nan() || dt <= 0.0;
-        sum.pose_held = !self.usable(pose);
+        let (time_ignored, pose_held) = (dt.is_nan() || dt <= 0.0, !self.usable(pose));
+        let mut sum = StepReport { time_ignored, pose_held, ..Default::default() };
         if sum.pose_held {
             if !sum.time_ignored && self.clock.count > 0 {
                 self.clock.missed += f64::from(dt);

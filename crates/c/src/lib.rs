@@ -297,7 +297,8 @@ pub unsafe extern "C" fn softtissue_control(
         if name == "everywhere" {
             controls.everywhere = control;
         } else {
-            let region = region(name).map_err(|known| format!("{name:?} is no region; choose everywhere, {known}"))?;
+            let region =
+                region_named(name).map_err(|known| format!("{name:?} is no region; choose everywhere, {known}"))?;
             controls.regions.retain(|(r, _)| *r != region);
             controls.regions.push((region, control));
         }
@@ -319,7 +320,7 @@ pub unsafe extern "C" fn softtissue_detail(player: *mut OwnPlayer, components: u
         // SAFETY: the caller's.
         let names = if still.is_null() { "" } else { unsafe { text(still, "still") }? };
         let names = names.split(',').map(str::trim).filter(|n| !n.is_empty());
-        let still = names.map(|n| region(n).map_err(|known| format!("{n:?} is no region; choose {known}")));
+        let still = names.map(|n| region_named(n).map_err(|known| format!("{n:?} is no region; choose {known}")));
         let still = still.collect::<Result<_, _>>()?;
         own.player.set_detail(&Detail { components: (components > 0).then_some(components), still }).map_err(said)?;
         Ok(0)
@@ -341,7 +342,7 @@ pub unsafe extern "C" fn softtissue_fade(player: *mut OwnPlayer, below: f32, pat
 }
 
 /// The region of a name; all names where there is none.
-fn region(name: &str) -> Result<Region, String> {
+fn region_named(name: &str) -> Result<Region, String> {
     let region = Region::ALL.into_iter().find(|r| r.name() == name);
     region.ok_or_else(|| Region::ALL.map(Region::name).join(", "))
 }
