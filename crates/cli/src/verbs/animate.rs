@@ -99,7 +99,7 @@ fn play(
         format!("a loop after {rounds} rounds, {mismatch:.3} mm open; {}", trust_of(&report.rollout, *fps))
     } else {
         let first = || Pose { rotations: rotations.frame(0), translation: translations[0] };
-        match args.pre_roll.filter(|_| motion.len() > 0) {
+        match args.pre_roll.filter(|_| !motion.is_empty()) {
             Some(seconds) => {
                 player.pre_roll(first(), seconds);
             }
