@@ -12,6 +12,7 @@ mod dyna;
 mod evidence;
 mod exports;
 mod inspect;
+mod live;
 mod main_job;
 mod motion;
 mod resume;

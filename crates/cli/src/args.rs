@@ -294,6 +294,17 @@ pub struct AnimateArgs {
     /// Level of detail: leave this region rigid. Once for each region.
     #[arg(long, value_name = "REGION")]
     pub still: Vec<String>,
+    /// Stand in the first pose for so long before, seconds: the flesh hangs as it does there, and the first frame makes no
+    /// jolt. Without a number 3.
+    #[arg(long, value_name = "S", num_args = 0..=1, default_missing_value = "3")]
+    pub pre_roll: Option<f32>,
+    /// Play the motion round and round until the flesh of its last frame runs into its first, and write one round.
+    #[arg(long = "loop", conflicts_with = "pre_roll")]
+    pub looped: bool,
+    /// Fade the flesh out where the motion is unlike all that the bundle knows, and in again where it is not: below this trust,
+    /// 0 to 1. Without a number 0.5.
+    #[arg(long, value_name = "TRUST", num_args = 0..=1, default_missing_value = "0.5")]
+    pub fade: Option<f32>,
     /// What to write: `.glb` or `.gltf`, `.usda`, a point cache `.pc2` or `.mdd` with its mesh as `.obj` beside it, `.png` (a
     /// picture of some frames), or a folder for an OBJ sequence.
     #[arg(long, value_name = "FILE")]

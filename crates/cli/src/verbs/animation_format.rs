@@ -45,7 +45,7 @@ impl Format {
         })
     }
 
-    /// Writes posed vertices `[T, V]`, metres, and prints what was written.
+    /// Writes posed vertices `[T, V]`, metres, and returns what is to be said of it.
     pub fn write(
         self,
         out: &Path,
@@ -54,13 +54,13 @@ impl Format {
         vertices: &Frames,
         fps: f32,
         monitor: &dyn Monitor,
-    ) -> Result<()> {
+    ) -> Result<String> {
         let extras = serde_json::json!({"licence": bundle.info.licence, "provenance": bundle.info.provenance});
         let BodyModel { topology, uv, .. } = &bundle.body;
         let uv = (!uv.faces.is_empty()).then_some(Uv { coordinates: &uv.coordinates, faces: &uv.faces });
         let animation = Animation { name, topology, uv, fps, vertices, extras: &extras };
         let (place, frames) = (out.display(), vertices.len());
-        let line = match self {
+        Ok(match self {
             Self::Gltf => {
                 let report = write_gltf(out, &animation, &GltfConfig::default(), monitor)?;
                 let (targets, error, size) = (report.targets, report.max_error_m * 1e3, report.bytes as f64 / 1e6);
@@ -78,8 +78,6 @@ impl Format {
                 write_obj_sequence(out, &animation, monitor)?;
                 format!("{place}: {frames} OBJ files")
             }
-        };
-        crate::print_line(&line);
-        Ok(())
+        })
     }
 }
