@@ -6,7 +6,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use divan::{Bencher, black_box};
 use glam::Vec3;
 use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig, FeatureScaling};
-use softtissue_bundle::{Bundle, BundleInfo, DeltaBasis, Matrix, Player, RecurrentModel, SelfCheck, Subspace};
+use softtissue_bundle::{Bundle, BundleInfo, DeltaBasis, Matrix, Player, RecurrentModel, SelfCheck, Subspace, Trust};
 use softtissue_model::{Autoencoder, AutoencoderConfig, Regressor, RegressorConfig, ShortcutStart, host};
 use softtissue_random::Draws;
 use softtissue_train::device;
@@ -70,7 +70,14 @@ impl Model {
         let info = BundleInfo { largest_delta_m: 1.0, ..Default::default() };
         let plain = RecurrentModel { regressor: plain, subspace, pose_encoder: None };
         let plain = softtissue_bundle::Model::Recurrent(plain);
-        let bundle = Bundle { info, body, descriptor, model: plain, self_check: SelfCheck::default() };
+        let bundle = Bundle {
+            info,
+            body,
+            descriptor,
+            model: plain,
+            trust: Trust::of_everything(features),
+            self_check: SelfCheck::default(),
+        };
         let directions = tensor(directions, [COMPONENTS, width], &device);
         Self { bundle, autoencoder, regressor, directions, device }
     }

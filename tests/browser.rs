@@ -1,6 +1,6 @@
-//! The report in a headless browser, and the animation before the Khronos validator. Both need Node.
+//! The report and a view in a headless browser, and the animation before the Khronos validator. Both need Node.
 
-use crate::support::tiny_run;
+use crate::support::{folder, softtissue, tiny_run};
 use std::path::Path;
 use std::process::Command;
 
@@ -20,6 +20,14 @@ fn script(name: &str, argument: &Path) {
 #[test]
 fn the_report_plays_in_a_browser() {
     script("tests/browser/run.sh", &tiny_run().path.join("report/index.html"));
+}
+
+#[test]
+fn a_view_of_a_run_plays_in_a_browser() {
+    let page = folder("view-browser").join("page.html");
+    let (run, out) = (tiny_run().path.display().to_string(), page.display().to_string());
+    softtissue(&["view", &run, "--fit", "--no-browser", "--out", &out]).fine();
+    script("tests/browser/view.sh", &page);
 }
 
 #[test]

@@ -32,7 +32,12 @@ fn help_names_every_verb_and_usage_errors_exit_with_two() {
 fn pages_need_a_build_that_has_the_player() {
     let dir = folder("pages");
     let page = dir.join("page").display().to_string();
-    softtissue(&["view", "nowhere", "--no-browser"]).refused(2, &["--features web", "rustup target add"]);
+    // what a folder is is told before what it holds
+    let bundle = dir.join("bundle");
+    std::fs::create_dir_all(&bundle).expect("a folder");
+    std::fs::write(bundle.join("manifest.json"), "{}").expect("a manifest");
+    let bundle = bundle.display().to_string();
+    softtissue(&["view", &bundle, "--no-browser"]).refused(2, &["--features web", "rustup target add"]);
     softtissue(&["export", "nowhere", "--web", &page]).refused(2, &["--features web"]);
     assert!(!dir.join("page").exists());
     softtissue(&["export", "nowhere", "--onnx", "n.onnx", "--motion", "synth:hips"]).refused(2, &["--web DIR"]);

@@ -75,3 +75,47 @@ fn the_network_is_written_in_both_forms_for_the_body_that_was_asked_for() {
     export(&["--onnx", &text(&home.join("a.onnx")), "--shape", "0,99"]).refused(2, &["--shape"]);
     assert!(!home.join("a.onnx").exists());
 }
+
+#[test]
+fn a_bundle_in_fewer_bits_states_its_loss_and_goes_out_by_every_door() {
+    let home = folder("exports-precision");
+    let whole = tiny_run().path.join("bundle");
+    let small = home.join("small");
+    let export = |from: &Path, more: &[&str]| softtissue(&[&["export", &text(from)], more].concat());
+    let said = export(&whole, &["--precision", "i8", "--out", &text(&small)]);
+    said.fine();
+    let manifest = |dir: &Path| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(dir.join("manifest.json")).expect("a manifest")).expect("JSON")
+    };
+    let (before, after) = (manifest(&whole), manifest(&small));
+    assert_eq!((before["precision"].as_str(), after["precision"].as_str()), (Some("f32"), Some("i8")));
+    let loss = &after["info"]["measured"]["precision_loss"];
+    let number = |key: &str| loss[key].as_f64().expect("a number");
+    assert!(0.0 < number("mean_mm") && number("mean_mm") < number("max_mm") && number("max_mm") < 1.0, "{loss}");
+    assert!(number("frames") > 1000.0 && loss["motions"].as_array().is_some_and(|m| m.len() == 6), "{loss}");
+    assert!(said.out.contains(&format!("{:.4} mm at most", number("max_mm"))), "{}", said.out);
+    let size = |dir: &Path| dir.join("model.safetensors").metadata().expect("a model").len();
+    assert!(3 * size(&small) < 2 * size(&whole), "{} {}", size(&small), size(&whole));
+
+    // The same motion from both, no farther apart than was said of other motions, times ten.
+    let played = |bundle: &Path, out: &str, more: &[&str]| {
+        let out = home.join(out);
+        let motion = ["--motion", "synth:one_leg_jump", "--frames", "40", "--out"];
+        softtissue(&[&["animate", "--bundle", &text(bundle)], &motion[..], &[&text(&out)], more].concat()).fine();
+        numbers(&out, 32, f32::from_le_bytes)
+    };
+    let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).fold(0.0f32, |m, (a, b)| m.max((a - b).abs()));
+    let (a, b) = (played(&whole, "whole.pc2", &[]), played(&small, "small.pc2", &[]));
+    assert!(a.len() == b.len() && a != b && 1e3 * f64::from(apart(&a, &b)) < 10.0 * number("max_mm"));
+    let fewer = played(&small, "fewer.pc2", &["--components", "1", "--still", "head"]);
+    assert!(apart(&fewer, &b) > 1e-5, "a level of detail changes nothing");
+    export(&small, &["--onnx", &text(&home.join("small.onnx"))]).fine();
+
+    let other = text(&home.join("other"));
+    export(&small, &["--precision", "f16", "--out", &other]).refused(2, &["in i8", "f32"]);
+    export(&whole, &["--precision", "i4", "--out", &other]).refused(2, &["i4", "f16"]);
+    export(&small, &["--precision", "f16", "--out", &text(&small)]).refused(2, &["another folder"]);
+    assert!(!home.join("other").exists());
+    let still = ["animate", "--bundle", &text(&small), "--motion", "synth:hips", "--out", &other, "--still", "nose"];
+    softtissue(&still).refused(2, &["nose", "belly"]);
+}

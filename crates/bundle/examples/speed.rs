@@ -158,14 +158,26 @@ fn batches(bundle: &Bundle, rotations: &Frames, translations: &[Vec3]) -> Result
     Ok(())
 }
 
-/// A read of all numbers, in wide registers.
+/// A read of all numbers, in the registers that the player takes.
 fn sum(numbers: &[u64]) -> u64 {
-    let mut lanes = [0u64; 64];
-    let (blocks, rest) = numbers.as_chunks::<64>();
-    for block in blocks {
-        lanes.iter_mut().zip(block).for_each(|(l, x)| *l = l.wrapping_add(*x));
+    black_box(pulp::Arch::new().dispatch(Sum(numbers)))
+}
+
+struct Sum<'a>(&'a [u64]);
+
+impl pulp::NullaryFnOnce for Sum<'_> {
+    type Output = u64;
+    #[inline(always)]
+    fn call(self) -> u64 {
+        let mut lanes = [0u64; 64];
+        let (blocks, rest) = self.0.as_chunks::<64>();
+        for block in blocks {
+            for i in 0..64 {
+                lanes[i] = lanes[i].wrapping_add(block[i]);
+            }
+        }
+        lanes.iter().chain(rest).fold(0, |s, x| s.wrapping_add(*x))
     }
-    black_box(lanes.iter().chain(rest).fold(0, |s, x| s.wrapping_add(*x)))
 }
 
 fn timed(work: impl FnOnce() -> u64) -> f64 {

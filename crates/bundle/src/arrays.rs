@@ -4,9 +4,9 @@ use crate::feedback::{FeedbackModel, FeedbackPerson};
 use crate::limits::Limits as Range;
 use crate::manifest::{AutoregressiveForm, FeedbackForm, ModelForm, PersonForm, RecurrentForm};
 use crate::{
-    Ar2, AutoregressiveModel, BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model, PersonDynamics,
-    Precision, Recurrent, RecurrentModel, Regressor, ResidualUnit, ResonatorBank, Result, SelfCheck, Subspace,
-    ThreeLayers, half,
+    Ar2, AutoregressiveModel, Bundle, BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model,
+    PersonDynamics, Precision, Recurrent, RecurrentModel, Regressor, ResidualUnit, ResonatorBank, Result, SelfCheck,
+    Subspace, ThreeLayers, Trust, half,
 };
 use softtissue_body::BodyBuild;
 use softtissue_geometry::Frames;
@@ -26,11 +26,13 @@ const MOST_RESONATORS: usize = 1 << 10;
 /// The arrays of a bundle, in `model.safetensors`.
 pub(crate) struct Arrays {
     pub(crate) model: Model,
+    pub(crate) trust: Trust,
     pub(crate) self_check: SelfCheck,
 }
 
 /// Gives every array of a bundle its name and shape. The error names an array that is not finite.
-pub(crate) fn collect<'a>(model: &'a Model, check: &'a SelfCheck) -> std::result::Result<TensorFileWriter<'a>, String> {
+pub(crate) fn collect(bundle: &Bundle) -> std::result::Result<TensorFileWriter<'_>, String> {
+    let Bundle { model, trust, self_check: check, .. } = bundle;
     let mut writer = Writer { file: TensorFileWriter::new(), problem: None };
     writer.file.meta("kind", "softtissue-bundle");
     match model {
@@ -38,6 +40,10 @@ pub(crate) fn collect<'a>(model: &'a Model, check: &'a SelfCheck) -> std::result
         Model::Feedback(model) => model.people.iter().enumerate().for_each(|(i, p)| writer.person(i, p)),
         Model::Autoregressive(model) => writer.autoregressive(model),
     }
+    writer.vector("trust.mean", &trust.mean);
+    writer.vector("trust.scale", &trust.scale);
+    writer.range("trust.shape", &trust.shape);
+    writer.numbers("trust.shape_reach", &[1], std::slice::from_ref(&trust.shape_reach));
     let (t, j, c) = (check.translations.len(), check.rotations.points_per_frame(), check.vertices.len());
     writer.vector("check.beta", &check.beta);
     writer.numbers("check.rotations", &[t, j, 3], bytemuck::cast_slice(check.rotations.points()));
@@ -163,7 +169,7 @@ pub(crate) fn read(file: &TensorFile, form: &ModelForm, fps: f32, precision: Pre
         ModelForm::Feedback(form) => Model::Feedback(reader.feedback(form)?),
         ModelForm::Autoregressive(form) => Model::Autoregressive(reader.autoregressive(form)?),
     };
-    let arrays = Arrays { model, self_check: reader.self_check()? };
+    let arrays = Arrays { model, trust: reader.trust()?, self_check: reader.self_check()? };
     match file.names().find(|name| !reader.read.borrow().contains(*name)) {
         Some(name) => Err(reader.refused(&format!("it holds an unknown array {name:?}; export the bundle again"))),
         None => Ok(arrays),
@@ -330,6 +336,15 @@ impl Reader<'_> {
             direct: form.direct,
             shortcut: self.network("regressor.shortcut")?,
             recurrent,
+        })
+    }
+
+    fn trust(&self) -> Result<Trust> {
+        Ok(Trust {
+            mean: self.vector("trust.mean")?,
+            scale: self.vector("trust.scale")?,
+            shape: self.range("trust.shape")?,
+            shape_reach: self.numbers("trust.shape_reach", &[1])?[0],
         })
     }
 

@@ -217,6 +217,11 @@ impl AutoregressiveState {
         self.last.copy_from_slice(&self.rest);
         self.before.copy_from_slice(&self.rest);
     }
+    /// Takes over what another state of the same body remembers.
+    pub(crate) fn remember(&mut self, other: &Self) {
+        self.last.copy_from_slice(&other.last);
+        self.before.copy_from_slice(&other.before);
+    }
     /// Coefficients of the newest frame, `[K]`, metres.
     pub fn coefficients(&self) -> &[f32] {
         &self.last

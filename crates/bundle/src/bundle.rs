@@ -1,6 +1,6 @@
 use crate::descriptor::DescriptorConfig;
 use crate::model::fits;
-use crate::{Model, Player};
+use crate::{Model, Player, Trust};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use softtissue_body::BodyModel;
@@ -17,6 +17,8 @@ pub struct Bundle {
     pub descriptor: DescriptorConfig,
     /// From features to deltas. The descriptor's modes are the first of the model's.
     pub model: Model,
+    /// What training has seen.
+    pub trust: Trust,
     /// A short input and its output.
     pub self_check: SelfCheck,
 }
@@ -129,6 +131,7 @@ impl Bundle {
     pub fn check(&self) -> Result<(), String> {
         let Self { body, descriptor, model, .. } = self;
         model.check(descriptor)?;
+        self.trust.check(model)?;
         if let Some(encoder) = model.recurrent().and_then(|m| m.pose_encoder.as_ref()) {
             encoder.check(body.joint_count()).map_err(|reason| format!("{reason}; export it again"))?;
         }

@@ -106,10 +106,19 @@ pub(crate) struct Mixer {
 struct Voice {
     /// The bundle's model with other damping; `None` where it is as learned.
     model: Option<Model>,
-    state: ModelState,
     /// Factor on this voice's deltas, `[V]`.
     weights: Vec<f32>,
     softness: f32,
+    now: Pace,
+    /// What the next frame will be like; looked at where something between two frames is shown.
+    ahead: Pace,
+    delay: Delay,
+}
+
+/// A model that runs at a pace of its own.
+#[derive(Clone, Debug)]
+struct Pace {
+    state: ModelState,
     /// Features gathered since the model's last step, times frames, `[D]`, and for how many frames.
     gathered: Vec<f32>,
     filled: f32,
@@ -117,7 +126,6 @@ struct Voice {
     /// Deltas of the model's last step and of the one before, `[V * 3]`.
     newest: Vec<f32>,
     older: Vec<f32>,
-    delay: Delay,
 }
 
 /// Deltas of the last frames.
@@ -167,15 +175,21 @@ impl Mixer {
         Ok(Self { voices: voices.into_iter().map(voice).collect::<Result<_>>()? })
     }
 
-    /// One frame: features in, `deltas [V]` out. Returns how many features were clipped.
-    pub(crate) fn step(&mut self, model: &Model, features: &[f32], deltas: &mut [Vec3], part: Option<&Part>) -> usize {
-        let mut clipped = 0;
+    /// One frame: features in. Returns how many were clipped.
+    pub(crate) fn step(&mut self, model: &Model, features: &[f32], detail: Option<&Part>) -> usize {
+        self.voices.iter_mut().map(|voice| voice.step(model, features, detail)).max().unwrap_or(0)
+    }
+
+    /// Looks at the next frame.
+    pub(crate) fn look_ahead(&mut self, model: &Model, features: &[f32], detail: Option<&Part>) {
+        self.voices.iter_mut().for_each(|voice| voice.look_ahead(model, features, detail));
+    }
+
+    /// The deltas `[V]` this part of a frame, under 1, after the newest frame. Beyond the frame itself, the next one must
+    /// have been looked at.
+    pub(crate) fn mix(&self, part: f32, deltas: &mut [Vec3]) {
         deltas.fill(Vec3::ZERO);
-        for voice in &mut self.voices {
-            clipped = clipped.max(voice.step(model, features, part));
-            voice.add_to(deltas);
-        }
-        clipped
+        self.voices.iter().for_each(|voice| voice.add_to(part, deltas));
     }
 
     pub(crate) fn reset(&mut self) {
@@ -183,7 +197,7 @@ impl Mixer {
     }
 
     pub(crate) fn is_finite(&self) -> bool {
-        self.voices.iter().all(|v| v.state.is_finite())
+        self.voices.iter().all(|v| v.now.state.is_finite())
     }
 }
 
@@ -194,53 +208,101 @@ impl Voice {
         let mut flesh = beta.to_vec();
         flesh.resize(flesh.len().max(2), 0.0);
         flesh[1] -= control.mass;
+        let now = Pace::new(damped.as_ref().unwrap_or(model), &flesh, size);
         Ok(Self {
-            state: damped.as_ref().unwrap_or(model).start(&flesh),
+            ahead: now.clone(),
+            now,
             model: damped,
             weights,
             softness: control.softness,
+            delay: Delay::new(control.lag * fps, size),
+        })
+    }
+
+    fn step(&mut self, model: &Model, features: &[f32], detail: Option<&Part>) -> usize {
+        let clipped = self.now.step(self.model.as_ref().unwrap_or(model), features, self.softness, detail);
+        self.delay.push(&self.now.older, &self.now.newest, self.now.part(self.softness));
+        clipped
+    }
+
+    fn look_ahead(&mut self, model: &Model, features: &[f32], detail: Option<&Part>) {
+        // What is heard a frame late needs no look ahead.
+        if self.delay.frames < 1.0 {
+            self.ahead.remember(&self.now);
+            self.ahead.step(self.model.as_ref().unwrap_or(model), features, self.softness, detail);
+        }
+    }
+
+    fn add_to(&self, part: f32, deltas: &mut [Vec3]) {
+        let late = self.delay.frames - part;
+        let heard = self.weights.iter().enumerate().filter(|(_, w)| **w != 0.0);
+        if late >= 0.0 {
+            let (from, to, part) = self.delay.at(late);
+            let at = |x: &[f32], v: usize| Vec3::from_slice(&x[3 * v..]);
+            heard.for_each(|(v, w)| deltas[v] += *w * at(from, v).lerp(at(to, v), part));
+            return;
+        }
+        let (now, _, _) = self.delay.at(0.0);
+        let (Pace { older, newest, .. }, next) = (&self.ahead, self.ahead.part(self.softness));
+        let at = |x: &[f32], v: usize| Vec3::from_slice(&x[3 * v..]);
+        heard.for_each(|(v, w)| {
+            let ahead = at(older, v).lerp(at(newest, v), next);
+            deltas[v] += *w * at(now, v).lerp(ahead, -late);
+        });
+    }
+
+    fn reset(&mut self) {
+        self.now.reset();
+        self.delay.ring.iter_mut().for_each(|d| d.fill(0.0));
+    }
+}
+
+impl Pace {
+    fn new(model: &Model, beta: &[f32], size: usize) -> Self {
+        Self {
+            state: model.start(beta),
             gathered: vec![0.0; model.feature_count()],
             filled: 0.0,
             held: vec![0.0; model.feature_count()],
             newest: vec![0.0; size],
             older: vec![0.0; size],
-            delay: Delay::new(control.lag * fps, size),
-        })
+        }
     }
 
     /// The model's own frames are `softness` frames long: a filter of response `H(f)` becomes one of `H(softness f)`,
     /// whatever the model. Each step sees the mean of the features since the one before, so that no impact is missed.
-    fn step(&mut self, model: &Model, features: &[f32], part: Option<&Part>) -> usize {
-        let Self { gathered, filled, held, newest, older, .. } = self;
-        let model = self.model.as_ref().unwrap_or(model);
+    fn step(&mut self, model: &Model, features: &[f32], softness: f32, detail: Option<&Part>) -> usize {
+        let Self { state, gathered, filled, held, newest, older } = self;
         let (mut left, mut clipped) = (1.0f32, 0);
         // Rounding must not lose a step.
-        while *filled + left >= self.softness - 1e-4 {
-            let taken = (self.softness - *filled).clamp(0.0, left);
+        while *filled + left >= softness - 1e-4 {
+            let taken = (softness - *filled).clamp(0.0, left);
             for ((h, g), x) in held.iter_mut().zip(gathered.iter_mut()).zip(features) {
-                *h = (*g + taken * x) / self.softness;
+                *h = (*g + taken * x) / softness;
                 *g = 0.0;
             }
             std::mem::swap(newest, older);
-            clipped = clipped.max(model.step_part(held, &mut self.state, newest, part));
+            clipped = clipped.max(model.step_part(held, state, newest, detail));
             left -= taken;
             *filled = 0.0;
         }
         gathered.iter_mut().zip(features).for_each(|(g, x)| *g += left * x);
         *filled += left;
-        let part = if self.softness == 1.0 { 1.0 } else { *filled / self.softness };
-        self.delay.push(older, newest, part);
         clipped
     }
 
-    fn add_to(&self, deltas: &mut [Vec3]) {
-        let (from, to, part) = self.delay.now();
-        for (v, (delta, w)) in deltas.iter_mut().zip(&self.weights).enumerate() {
-            if *w != 0.0 {
-                let at = |x: &[f32]| Vec3::from_slice(&x[3 * v..]);
-                *delta += *w * at(from).lerp(at(to), part);
-            }
-        }
+    /// Where the newest frame lies between the model's last two steps.
+    fn part(&self, softness: f32) -> f32 {
+        if softness == 1.0 { 1.0 } else { self.filled / softness }
+    }
+
+    /// Takes over all of another one that the next step needs.
+    fn remember(&mut self, other: &Self) {
+        self.state.remember(&other.state);
+        self.filled = other.filled;
+        self.gathered.copy_from_slice(&other.gathered);
+        self.newest.copy_from_slice(&other.newest);
+        self.older.copy_from_slice(&other.older);
     }
 
     fn reset(&mut self) {
@@ -249,7 +311,6 @@ impl Voice {
         self.gathered.fill(0.0);
         self.newest.fill(0.0);
         self.older.fill(0.0);
-        self.delay.ring.iter_mut().for_each(|d| d.fill(0.0));
     }
 }
 
@@ -266,11 +327,11 @@ impl Delay {
         }
     }
 
-    /// What is heard now: a mixture of two kept frames, and the second one's part.
-    fn now(&self) -> (&[f32], &[f32], f32) {
-        let (n, whole) = (self.ring.len(), self.frames.floor());
+    /// What was there so many frames ago, the fraction included: a mixture of two kept frames, and the second one's part.
+    fn at(&self, frames: f32) -> (&[f32], &[f32], f32) {
+        let (n, whole) = (self.ring.len(), frames.floor());
         let back = |frames: usize| &*self.ring[(self.at + n - frames.min(n - 1)) % n];
-        (back(whole as usize), back(self.frames.ceil() as usize), self.frames - whole)
+        (back(whole as usize), back(frames.ceil() as usize), frames - whole)
     }
 }
 

@@ -212,6 +212,12 @@ impl FeedbackState {
         self.latent.copy_from_slice(&self.rest);
         self.started = false;
     }
+    /// Takes over what another state of the same body remembers.
+    pub(crate) fn remember(&mut self, other: &Self) {
+        self.input.copy_from_slice(&other.input);
+        self.latent.copy_from_slice(&other.latent);
+        self.started = other.started;
+    }
     /// Whether what it remembers is finite.
     pub fn is_finite(&self) -> bool {
         self.input.iter().chain(&self.latent).all(|x| x.is_finite())

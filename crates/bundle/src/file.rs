@@ -52,8 +52,7 @@ impl Bundle {
             return Err(BundleError::refused(dir, "its largest delta is no number; train again"));
         }
         let mut manifest = self.manifest_form()?;
-        let model =
-            arrays::collect(&self.model, &self.self_check).map_err(|reason| BundleError::refused(dir, reason))?;
+        let model = arrays::collect(self).map_err(|reason| BundleError::refused(dir, reason))?;
         create_dir(dir)?;
         match std::fs::remove_file(&manifest_path) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("replace", &manifest_path, e))?,
@@ -112,9 +111,10 @@ impl Bundle {
             ));
         }
         let model_path = model.path();
-        let arrays::Arrays { model: learned, self_check } =
+        let arrays::Arrays { model: learned, trust, self_check } =
             arrays::read(model, &manifest.model, manifest.fps, manifest.precision)?;
-        let bundle = Self { info: manifest.info, body, descriptor: manifest.descriptor, model: learned, self_check };
+        let Manifest { info, descriptor, .. } = manifest;
+        let bundle = Self { info, body, descriptor, model: learned, trust, self_check };
         bundle.check().map_err(|reason| BundleError::refused(model_path, reason))?;
         bundle.run_self_check(dir)?;
         Ok(bundle)

@@ -65,7 +65,7 @@ pub(crate) struct HalfRows {
 }
 
 /// Partial sums of a product; the order of additions is fixed by the number, not by the machine.
-const LANES: usize = 16;
+const LANES: usize = 32;
 
 impl HalfRows {
     /// Of `[rows, cols]` numbers. What fits 16-bit floats is kept exactly.

@@ -8,7 +8,7 @@ use softtissue_store::{StoreError, read_limited};
 use std::path::Path;
 
 /// Version of the format that this program writes, and the newest that it reads.
-pub const FORMAT_VERSION: u64 = 4;
+pub const FORMAT_VERSION: u64 = 5;
 /// First word of every manifest.
 const FORMAT: &str = "softtissue-bundle";
 /// First word of another kind of model, which is no bundle.
@@ -224,7 +224,11 @@ impl Manifest {
             return Err(BundleError::Newer { path: path.to_owned(), found: head.version, supported: FORMAT_VERSION });
         }
         if head.version < FORMAT_VERSION {
-            let reason = format!("it has version {}, this program reads {FORMAT_VERSION}; train again", head.version);
+            let reason = format!(
+                "it has version {}, this program reads {FORMAT_VERSION}; write it again \
+                 with `softtissue train --resume`, or train again",
+                head.version
+            );
             return Err(BundleError::refused(path, reason));
         }
         let manifest: Self = serde_json::from_slice(bytes).map_err(broken)?;

@@ -178,6 +178,16 @@ impl ModelState {
             Self::Autoregressive(s) => s.reset(),
         }
     }
+    /// Takes over what another state of the same model and body remembers. Allocates nothing. Panics if it is another
+    /// model's.
+    pub(crate) fn remember(&mut self, other: &Self) {
+        match (self, other) {
+            (Self::Recurrent(s), Self::Recurrent(other)) => s.regressor.remember(&other.regressor),
+            (Self::Feedback(s), Self::Feedback(other)) => s.remember(other),
+            (Self::Autoregressive(s), Self::Autoregressive(other)) => s.remember(other),
+            _ => panic!("the state belongs to another kind of model"),
+        }
+    }
     /// Whether what it remembers is finite.
     pub fn is_finite(&self) -> bool {
         match self {

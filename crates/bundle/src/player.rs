@@ -1,15 +1,17 @@
 use crate::advance::Clock;
+use crate::ahead::Ahead;
 use crate::controls::{Controls, Mixer};
 use crate::correctives::Correctives;
 use crate::descriptor::{Descriptor, DescriptorState};
 use crate::detail::{Detail, Part};
+use crate::fade::{Fade, Fader};
+use crate::held_pose::HeldPose;
 use crate::posing::Posing;
 use crate::retarget::Retarget;
 use crate::times::{StepPart, StepTimes, Stopwatch, Watch};
-use crate::{Bundle, BundleError, ModelState, Result};
+use crate::{Bundle, BundleError, ModelState, Result, StepReport};
 use glam::Vec3;
 use softtissue_body::{Pose, ShapedBody};
-use softtissue_geometry::Frames;
 use std::collections::VecDeque;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
@@ -20,6 +22,8 @@ const TELEPORT_SPEED: f32 = 30.0;
 const LONGEST_ROTATION: f32 = 1e3;
 /// Farthest root, metres: beyond it f32 positions are coarser than the motion of flesh.
 const FARTHEST: f32 = 1e5;
+/// Longest time that a body stands before it moves, seconds.
+const LONGEST_PRE_ROLL: f32 = 60.0;
 
 /// Runs a bundle on one body, frame by frame. `B` is `&Bundle`, `Arc<Bundle>` or a box.
 ///
@@ -27,79 +31,43 @@ const FARTHEST: f32 = 1e5;
 /// root leaves the flesh alone, and features outside their range in training are clipped to it.
 /// [`Player::step`] allocates nothing.
 pub struct Player<B: Deref<Target = Bundle>> {
-    bundle: B,
+    pub(crate) bundle: B,
     shaped: ShapedBody,
-    descriptor: Arc<Descriptor>,
+    pub(crate) descriptor: Arc<Descriptor>,
     descriptor_state: DescriptorState,
     beta: Vec<f32>,
-    model_state: ModelState,
+    pub(crate) model_state: ModelState,
     /// In the place of the model, where an animator asked for changes.
-    mixer: Option<Mixer>,
+    pub(crate) mixer: Option<Mixer>,
     /// Of the deltas, where not all are wanted.
-    part: Option<Part>,
+    pub(crate) part: Option<Part>,
     /// In the place of the moving body, where another shows the deltas.
     shown_on: Option<Retarget>,
     posing: Posing,
     /// Whether `posing` holds the frame that is shown.
-    posed: bool,
-    features: Vec<f32>,
-    deltas: Vec<Vec3>,
+    pub(crate) posed: bool,
+    pub(crate) features: Vec<f32>,
+    /// Of the newest frame, as the model or the mixer has them.
+    pub(crate) answer: Vec<Vec3>,
+    pub(crate) ahead: Ahead,
+    pub(crate) fader: Fader,
+    /// How far the body lies from those of the training, in reaches.
+    pub(crate) shape_distance: f32,
+    pub(crate) trust: f32,
+    /// What is shown.
+    pub(crate) deltas: Vec<Vec3>,
     vertices: Vec<Vec3>,
-    input: HeldPose,
-    shown: HeldPose,
+    pub(crate) input: HeldPose,
+    pub(crate) shown: HeldPose,
+    /// The pose of the newest deltas, where `shown` may lie between two frames.
+    pub(crate) framed: HeldPose,
     /// Poses that wait for their features, where the model looks ahead; as many as it looks ahead.
-    waiting: VecDeque<HeldPose>,
+    pub(crate) waiting: VecDeque<HeldPose>,
     /// What teleports have moved the root by: the motion is read as if they had not happened.
-    teleported: Vec3,
-    last_move: Vec3,
-    frames: u64,
+    pub(crate) teleported: Vec3,
+    pub(crate) last_move: Vec3,
+    pub(crate) frames: u64,
     pub(crate) clock: Clock,
-}
-
-/// A copy of a pose.
-#[derive(Clone, Debug)]
-struct HeldPose {
-    rotations: Vec<Vec3>,
-    /// As given, teleports included.
-    translation: Vec3,
-    /// Teleports up to here.
-    teleported: Vec3,
-}
-
-/// What a step had to do to stay sane.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct StepReport {
-    /// The pose was unusable (not finite, absurdly large, or of another number of joints): the last good one stands in.
-    pub pose_held: bool,
-    /// The root jumped; the jump was not taken for motion.
-    pub teleported: bool,
-    /// Features outside their range in training, clipped to it.
-    pub features_clipped: usize,
-    /// The motion started over: the state was no longer finite, or too much time had passed.
-    pub restarted: bool,
-    /// The time step was no positive number.
-    pub time_ignored: bool,
-    /// No delta yet: the model looks ahead and has not seen far enough.
-    pub waiting: bool,
-}
-
-impl HeldPose {
-    fn rest(joints: usize) -> Self {
-        Self { rotations: vec![Vec3::ZERO; joints], translation: Vec3::ZERO, teleported: Vec3::ZERO }
-    }
-    fn clear(&mut self) {
-        self.rotations.fill(Vec3::ZERO);
-        (self.translation, self.teleported) = (Vec3::ZERO, Vec3::ZERO);
-    }
-    /// Copies without allocating.
-    fn set(&mut self, other: &Self) {
-        self.rotations.copy_from_slice(&other.rotations);
-        (self.translation, self.teleported) = (other.translation, other.teleported);
-    }
-    /// With the root where it would be without teleports.
-    fn steady(&self) -> Pose<'_> {
-        Pose { rotations: &self.rotations, translation: self.translation - self.teleported }
-    }
 }
 
 impl<B: Deref<Target = Bundle>> Player<B> {
@@ -116,6 +84,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
                 "a bundle whose descriptor makes {found} features where its model takes {expected}; export it again"
             )));
         }
+        bundle.trust.check(&bundle.model).map_err(BundleError::Input)?;
         let correctives = Correctives::new(&bundle.body, bundle.model.precision());
         Self::sharing(bundle, beta, Arc::new(descriptor), Arc::new(correctives))
     }
@@ -135,10 +104,16 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         let shaped = bundle.body.shaped(beta);
         let (v, j) = (bundle.body.vertex_count(), bundle.body.joint_count());
         let look_ahead = bundle.descriptor.look_ahead;
+        let model_state = bundle.model.start(beta);
         Ok(Self {
             descriptor_state: descriptor.state(),
             beta: beta.to_vec(),
-            model_state: bundle.model.start(beta),
+            ahead: Ahead::new(&bundle.model, &model_state),
+            model_state,
+            fader: Fader::new(),
+            shape_distance: bundle.trust.of_shape(beta),
+            trust: 1.0,
+            answer: vec![Vec3::ZERO; v],
             mixer: None,
             part: None,
             shown_on: None,
@@ -149,6 +124,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             vertices: vec![Vec3::ZERO; v],
             input: HeldPose::rest(j),
             shown: HeldPose::rest(j),
+            framed: HeldPose::rest(j),
             waiting: std::iter::repeat_n(HeldPose::rest(j), look_ahead).collect(),
             teleported: Vec3::ZERO,
             last_move: Vec3::ZERO,
@@ -195,6 +171,15 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         Ok(())
     }
 
+    /// Fades the deltas out where the motion, or the body, is unlike all that training has seen, and in again where it is
+    /// not; `None` shows them whatever the trust. What is shown now does not jump: it fades.
+    ///
+    /// # Errors
+    /// A number out of its range.
+    pub fn set_fade(&mut self, fade: Option<Fade>) -> Result<()> {
+        self.fader.set(fade)
+    }
+
     /// What is played.
     pub fn bundle(&self) -> &Bundle {
         &self.bundle
@@ -213,39 +198,94 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         self.bundle.descriptor.look_ahead
     }
 
+    /// Seconds between a pose and its deltas: 0 unless the model looks ahead, at any time step. Controls that make flesh answer
+    /// later ([`crate::Control::softness`], [`crate::Control::lag`]) are not counted.
+    pub fn latency(&self) -> f32 {
+        self.bundle.descriptor.look_ahead as f32 / self.bundle.descriptor.fps
+    }
+    /// Trust in the newest deltas, as the last report that had a frame in it said; 1 before the first frame.
+    pub fn trust(&self) -> f32 {
+        self.trust
+    }
+    /// Part of the deltas that is shown, where they fade: 0 to 1.
+    pub fn faded(&self) -> f32 {
+        self.fader.factor()
+    }
+
     /// Forgets the motion: the next pose is a first one.
     pub fn reset(&mut self) {
         self.input.clear();
         self.shown.clear();
+        self.framed.clear();
+        self.fader.reset();
+        self.trust = 1.0;
         self.reset_motion();
     }
 
     /// Forgets what moved, keeps where the body stands.
     pub(crate) fn reset_motion(&mut self) {
-        self.descriptor_state = self.descriptor.state();
         self.reset_model();
+        self.answer.fill(Vec3::ZERO);
         self.deltas.fill(Vec3::ZERO);
+        self.begin_motion();
+    }
+
+    /// The next pose is a first one, for a model that goes on.
+    fn begin_motion(&mut self) {
+        self.descriptor_state = self.descriptor.state();
         self.clock.stop();
         (self.teleported, self.last_move) = (Vec3::ZERO, Vec3::ZERO);
         (self.frames, self.posed) = (0, false);
     }
 
+    /// Begins in the steady state of a pose: as if the body had stood in it for so many seconds (0 to 60; 3 are enough
+    /// for any flesh). The next pose is a first one: the motion may begin in mid-movement and makes no jolt.
+    pub fn pre_roll(&mut self, pose: Pose, seconds: f32) -> StepReport {
+        self.reset();
+        let mut report = self.begin(pose);
+        self.correct(0..self.blocks());
+        self.sense(&mut ());
+        let frames = (seconds.clamp(0.0, LONGEST_PRE_ROLL) * self.bundle.descriptor.fps).round() as usize;
+        // Of a pose that stands still nothing changes but the answer of the flesh.
+        for _ in 0..frames {
+            self.infer(&mut report, &mut ());
+        }
+        self.shown.set(&self.input);
+        self.begin_motion();
+        report
+    }
+
     /// One frame of the bundle's rate. The deltas are those of this pose, or of the pose [`Player::delay_frames`] ago.
     pub fn step(&mut self, pose: Pose) -> StepReport {
-        self.watched_step(pose, &mut ())
+        self.step_after(pose, false)
+    }
+
+    /// The same where the root has jumped since the last frame and [`Player::relocate`] knows of it.
+    pub(crate) fn step_after(&mut self, pose: Pose, jumped: bool) -> StepReport {
+        self.watched_step(pose, jumped, &mut ())
+    }
+
+    /// A frame with the newest features, shown on a pose that waits.
+    pub(crate) fn step_on(&mut self, waiting: usize) -> StepReport {
+        self.shown.set(&self.waiting[waiting]);
+        self.posed = false;
+        let mut report = StepReport::default();
+        self.infer(&mut report, &mut ());
+        report
     }
 
     /// The same and the posed vertices, with the time that it took: a whole frame of an animation.
     pub fn timed_step(&mut self, pose: Pose) -> (StepReport, StepTimes) {
         let mut watch = Stopwatch::start();
-        let report = self.watched_step(pose, &mut watch);
+        let report = self.watched_step(pose, false, &mut watch);
         self.vertices();
         watch.lap(StepPart::Skinning);
         (report, watch.stop())
     }
 
-    fn watched_step(&mut self, pose: Pose, watch: &mut impl Watch) -> StepReport {
+    fn watched_step(&mut self, pose: Pose, jumped: bool, watch: &mut impl Watch) -> StepReport {
         let mut report = self.begin(pose);
+        report.teleported |= jumped;
         self.correct(0..self.blocks());
         if self.feel(&mut report, watch) {
             self.infer(&mut report, watch);
@@ -274,13 +314,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
 
     /// From corrected to posed vertices and features. Whether there is something to predict from them.
     pub(crate) fn feel(&mut self, report: &mut StepReport, watch: &mut impl Watch) -> bool {
-        self.posing.skin(&self.bundle.body, &self.shaped);
-        self.posed = true;
-        watch.lap(StepPart::Skinning);
-        let Posing { transforms, skinned, .. } = &self.posing;
-        let (state, features) = (&mut self.descriptor_state, &mut self.features);
-        self.descriptor.watched_step(state, self.input.steady(), transforms, skinned, features, watch);
-        self.frames += 1;
+        self.sense(watch);
         if let Some(mut oldest) = self.waiting.pop_front() {
             report.waiting = self.frames <= self.delay_frames() as u64;
             // While it waits there is nothing to show but the first pose.
@@ -291,11 +325,27 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             }
             oldest.set(&self.input);
             self.waiting.push_back(oldest);
+            self.framed.set(&self.shown);
             self.posed = false;
             !report.waiting
         } else {
             self.shown.set(&self.input);
             true
+        }
+    }
+
+    /// From corrected to posed vertices and features.
+    fn sense(&mut self, watch: &mut impl Watch) {
+        self.posing.skin(&self.bundle.body, &self.shaped);
+        self.posed = true;
+        watch.lap(StepPart::Skinning);
+        let Posing { transforms, skinned, .. } = &self.posing;
+        let (state, features) = (&mut self.descriptor_state, &mut self.features);
+        self.ahead.begin(features);
+        self.descriptor.watched_step(state, self.input.steady(), transforms, skinned, features, watch);
+        self.frames += 1;
+        if self.frames == 1 {
+            self.ahead.begin(features);
         }
     }
 
@@ -341,57 +391,6 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         self.posing.skinned.iter().map(move |v| *v + shift)
     }
 
-    /// A whole motion from its start: rotations `[T, J]`, radians, and translations `[T]`, metres. `show` is called for
-    /// each frame in order, look-ahead taken out. Returns what the steps had to do.
-    pub fn play(
-        &mut self,
-        rotations: &Frames,
-        translations: &[Vec3],
-        mut show: impl FnMut(usize, &mut Self),
-    ) -> Result<RolloutReport> {
-        let (frames, joints) = (translations.len(), self.input.rotations.len());
-        if rotations.len() != frames || rotations.points_per_frame() != joints {
-            return Err(BundleError::Input(format!(
-                "{} frames of {} joints with {frames} root translations, expected as many of each and {joints} joints",
-                rotations.len(),
-                rotations.points_per_frame()
-            )));
-        }
-        self.reset();
-        let delay = self.delay_frames();
-        let mut sum = RolloutReport { frames, ..Default::default() };
-        for t in 0..frames {
-            let report = self.step(Pose { rotations: rotations.frame(t), translation: translations[t] });
-            sum.add(&report);
-            if !report.waiting {
-                show(t - delay, self);
-            }
-        }
-        // The newest features last for the frames that still wait.
-        for t in frames.saturating_sub(delay)..frames {
-            self.shown.set(&self.waiting[delay + t - frames]);
-            self.posed = false;
-            let mut report = StepReport::default();
-            self.infer(&mut report, &mut ());
-            sum.add(&report);
-            show(t, self);
-        }
-        Ok(sum)
-    }
-
-    /// Deltas `[T, V]` of a whole motion from its start.
-    pub fn rollout(&mut self, rotations: &Frames, translations: &[Vec3]) -> Result<Frames> {
-        let mut frames = Frames::new(self.deltas.len());
-        self.play(rotations, translations, |_, player| frames.push(player.deltas()))?;
-        Ok(frames)
-    }
-    /// Posed vertices with deltas `[T, V]` of a whole motion from its start.
-    pub fn rollout_vertices(&mut self, rotations: &Frames, translations: &[Vec3]) -> Result<Frames> {
-        let mut frames = Frames::new(self.deltas.len());
-        self.play(rotations, translations, |_, player| frames.push(player.vertices()))?;
-        Ok(frames)
-    }
-
     /// Whether a pose has the body's joints and numbers that can be computed with.
     pub(crate) fn usable(&self, pose: Pose) -> bool {
         pose.rotations.len() == self.input.rotations.len()
@@ -402,13 +401,10 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     pub(crate) fn is_teleport(&self, moved: Vec3, frames: f32) -> bool {
         moved.length() * self.bundle.descriptor.fps > TELEPORT_SPEED * frames
     }
-    /// Shows the newest deltas on this pose, unless they belong to an earlier one.
-    pub(crate) fn show_now(&mut self, pose: Pose) {
-        if self.delay_frames() == 0 {
-            self.shown.rotations.copy_from_slice(pose.rotations);
-            (self.shown.translation, self.shown.teleported) = (pose.translation, self.teleported);
-            self.posed = false;
-        }
+    /// From here on the root is read as if it had not been moved by `shift`.
+    pub(crate) fn relocate(&mut self, shift: Vec3) {
+        self.teleported += shift;
+        self.input.translation += shift;
     }
 
     /// Takes a usable pose over; tells teleports from motion.
@@ -430,81 +426,10 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         (self.input.translation, self.input.teleported) = (pose.translation, self.teleported);
     }
 
-    /// From features to deltas.
-    fn infer(&mut self, report: &mut StepReport, watch: &mut impl Watch) {
-        self.predict(report, watch);
-        self.add_deltas(0..self.blocks());
-        if self.mixer.is_none() && self.bundle.model.basis().is_some() {
-            watch.lap(StepPart::Decoder);
-        }
-        self.settle(report);
-    }
-
-    /// From features to what the deltas are summed from; to the deltas where they are no such sum, or a mixture.
-    pub(crate) fn predict(&mut self, report: &mut StepReport, watch: &mut impl Watch) {
-        let (model, part) = (&self.bundle.model, self.part.as_ref());
-        if let Some(mixer) = &mut self.mixer {
-            report.features_clipped = mixer.step(model, &self.features, &mut self.deltas, part);
-            watch.lap(StepPart::Regressor);
-            return;
-        }
-        let deltas = bytemuck::cast_slice_mut(&mut self.deltas);
-        report.features_clipped = model.predict(&self.features, &mut self.model_state, deltas, watch);
-        if let Some(basis) = model.basis() {
-            basis.begin_sum(deltas, part);
-        }
-    }
-
-    /// Some blocks of the sum.
-    pub(crate) fn add_deltas(&mut self, blocks: Range<usize>) {
-        let basis = self.bundle.model.basis().filter(|_| self.mixer.is_none());
-        if let (Some(basis), Some(coefficients)) = (basis, self.model_state.coefficients()) {
-            let deltas = bytemuck::cast_slice_mut(&mut self.deltas);
-            basis.add_blocks(coefficients, deltas, self.part.as_ref(), blocks);
-        }
-    }
-
-    /// The end of a frame.
-    pub(crate) fn settle(&mut self, report: &mut StepReport) {
-        if let Some(part) = &self.part {
-            part.hold(&mut self.deltas);
-        }
-        let state_is_finite = self.mixer.as_ref().map_or(self.model_state.is_finite(), Mixer::is_finite);
-        if !state_is_finite || !self.deltas.iter().all(|d| d.is_finite()) {
-            self.reset_model();
-            self.deltas.fill(Vec3::ZERO);
-            report.restarted = true;
-        }
-    }
-
-    fn reset_model(&mut self) {
+    pub(crate) fn reset_model(&mut self) {
         self.model_state.reset();
         if let Some(mixer) = &mut self.mixer {
             mixer.reset();
         }
-    }
-}
-
-/// The sum of the steps' reports over a motion.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RolloutReport {
-    /// Frames played.
-    pub frames: usize,
-    /// Frames whose pose was held.
-    pub poses_held: usize,
-    /// Teleports.
-    pub teleports: usize,
-    /// Frames with clipped features.
-    pub frames_clipped: usize,
-    /// Times the state started over.
-    pub restarts: usize,
-}
-
-impl RolloutReport {
-    fn add(&mut self, step: &StepReport) {
-        self.poses_held += usize::from(step.pose_held);
-        self.teleports += usize::from(step.teleported);
-        self.frames_clipped += usize::from(step.features_clipped > 0);
-        self.restarts += usize::from(step.restarted);
     }
 }

@@ -172,8 +172,8 @@ impl Model {
             }
             Self::Feedback(FeedbackModel { people }) => {
                 for person in people {
-                    let layers = person.encoder.0.iter_mut().chain([&mut person.hidden, &mut person.output]);
-                    layers.map(|l| halve(&mut l.weight)).collect::<std::result::Result<(), _>>()?;
+                    let mut layers = person.encoder.0.iter_mut().chain([&mut person.hidden, &mut person.output]);
+                    layers.try_for_each(|l| halve(&mut l.weight))?;
                 }
             }
             // The rest are few numbers, among them poles that rounding could make unstable.

@@ -196,6 +196,11 @@ impl RegressorState {
         self.hidden.fill(0.0);
         self.latent.fill(0.0);
     }
+    /// Takes over what another state of the same body remembers.
+    pub(crate) fn remember(&mut self, other: &Self) {
+        self.memory.copy_from_slice(&other.memory);
+        self.hidden.copy_from_slice(&other.hidden);
+    }
     /// Whether memory and output are finite.
     pub fn is_finite(&self) -> bool {
         self.memory.iter().chain(&self.hidden).chain(&self.latent).all(|x| x.is_finite())

@@ -66,13 +66,24 @@ int softtissue_control(softtissue_player *player, const char *region, float gain
  * first (0 for all), and leaves the named regions rigid ("head,hands"; NULL for none). Never starts over. Returns 0, or -1 on
  * failure. */
 int softtissue_detail(softtissue_player *player, size_t components, const char *still);
+/* Fades the displacements out where the motion is unlike all that the bundle knows, and in again where it is not: below a
+ * trust of 0 to 1 (0 never fades) that has lasted for patience seconds, over so many seconds; 0.5, 0.2, 0.5 are a good start.
+ * Returns 0, or -1 on failure. */
+int softtissue_fade(softtissue_player *player, float below, float patience, float seconds);
+/* Starts over in the steady state of a pose, as if the body had stood in it for so many seconds, 0 to 60: the motion that
+ * follows may begin in mid-movement and makes no jolt. Arrays and result as in softtissue_step. */
+uint32_t softtissue_pre_roll(softtissue_player *player, const float *rotations, const float *translation, float seconds);
 /* A frame, dt seconds after the last one; dt of 0 stands for one frame of the bundle's rate. rotations: 3 numbers a joint;
- * translation: 3; vertices: room for 3 a vertex, or NULL. Returns bits of what had to be done. */
+ * translation: 3; vertices: room for 3 a vertex, or NULL. Any dt gives the same motion. Returns bits of what had to be done. */
 uint32_t softtissue_step(softtissue_player *player, const float *rotations, const float *translation, float dt,
                          float *vertices);
 /* The body of the newest frame without its soft tissue: vertices has room for 3 numbers a vertex. Returns 0, or -1 on
  * failure. */
 int softtissue_body_alone(softtissue_player *player, float *vertices);
+/* Trust in the newest frame: 1 where motion and body are like those of the training, 0 far from them. */
+float softtissue_trust(const softtissue_player *player);
+/* Seconds between a pose and its displacements: 0 unless the model looks ahead. */
+float softtissue_latency(const softtissue_player *player);
 /* Displacements of the rest mesh, 3 numbers a vertex. */
 const float *softtissue_deltas(const softtissue_player *player);
 /* What an exported ONNX network takes of the newest frame; *count says how many. */

@@ -11,7 +11,7 @@ mod page;
 
 use glam::Vec3;
 use softtissue_body::{Pose, Region};
-use softtissue_bundle::{Bundle, BundleError, BundleFiles, Control, Controls, Detail, Player, StepReport};
+use softtissue_bundle::{Bundle, BundleError, BundleFiles, Control, Controls, Detail, Fade, Player, StepReport};
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -297,7 +297,8 @@ pub unsafe extern "C" fn softtissue_control(
         if name == "everywhere" {
             controls.everywhere = control;
         } else {
-            let region = region(name).map_err(|known| format!("{name:?} is no region; choose everywhere, {known}"))?;
+            let region =
+                region_named(name).map_err(|known| format!("{name:?} is no region; choose everywhere, {known}"))?;
             controls.regions.retain(|(r, _)| *r != region);
             controls.regions.push((region, control));
         }
@@ -319,17 +320,63 @@ pub unsafe extern "C" fn softtissue_detail(player: *mut OwnPlayer, components: u
         // SAFETY: the caller's.
         let names = if still.is_null() { "" } else { unsafe { text(still, "still") }? };
         let names = names.split(',').map(str::trim).filter(|n| !n.is_empty());
-        let still = names.map(|n| region(n).map_err(|known| format!("{n:?} is no region; choose {known}")));
+        let still = names.map(|n| region_named(n).map_err(|known| format!("{n:?} is no region; choose {known}")));
         let still = still.collect::<Result<_, _>>()?;
         own.player.set_detail(&Detail { components: (components > 0).then_some(components), still }).map_err(said)?;
         Ok(0)
     })
 }
 
+/// See the header.
+///
+/// # Safety
+/// `player` is NULL or living, and used by nobody else.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtissue_fade(player: *mut OwnPlayer, below: f32, patience: f32, seconds: f32) -> c_int {
+    call(-1, || {
+        // SAFETY: the caller's.
+        let player = &mut unsafe { own(player, "player") }?.player;
+        player.set_fade(Some(Fade { below, patience, seconds })).map_err(said)?;
+        Ok(0)
+    })
+}
+
 /// The region of a name; all names where there is none.
-fn region(name: &str) -> Result<Region, String> {
+fn region_named(name: &str) -> Result<Region, String> {
     let region = Region::ALL.into_iter().find(|r| r.name() == name);
     region.ok_or_else(|| Region::ALL.map(Region::name).join(", "))
+}
+
+/// See the header.
+///
+/// # Safety
+/// `player` is NULL or living, and used by nobody else; the arrays are NULL or as long as the header says.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtissue_pre_roll(
+    player: *mut OwnPlayer,
+    rotations: *const f32,
+    translation: *const f32,
+    seconds: f32,
+) -> u32 {
+    call(FAILED, || {
+        // SAFETY: the caller's.
+        let OwnPlayer { player, rotations: pose, .. } = unsafe { own(player, "player") }?;
+        // SAFETY: the caller's; the lengths are the header's.
+        let pose = unsafe { posed(pose, rotations, translation) }?;
+        Ok(bits(&player.pre_roll(pose, seconds)))
+    })
+}
+
+/// A pose that came as numbers, its rotations copied to `room`.
+///
+/// # Safety
+/// The arrays are NULL or as long as the header says.
+unsafe fn posed<'a>(room: &'a mut [Vec3], rotations: *const f32, translation: *const f32) -> Result<Pose<'a>, String> {
+    // SAFETY: the caller's.
+    let (turned, root) =
+        unsafe { (array(rotations, 3 * room.len(), "rotations")?, array(translation, 3, "translation")?) };
+    bytemuck::cast_slice_mut(room).copy_from_slice(turned);
+    Ok(Pose { rotations: room, translation: Vec3::from_slice(root) })
 }
 
 /// See the header.
@@ -348,10 +395,7 @@ pub unsafe extern "C" fn softtissue_step(
         // SAFETY: the caller's.
         let OwnPlayer { player, rotations: pose, .. } = unsafe { own(player, "player") }?;
         // SAFETY: the caller's; the lengths are the header's.
-        let (turned, root) =
-            unsafe { (array(rotations, 3 * pose.len(), "rotations")?, array(translation, 3, "translation")?) };
-        bytemuck::cast_slice_mut(pose).copy_from_slice(turned);
-        let pose = Pose { rotations: pose, translation: Vec3::from_slice(root) };
+        let pose = unsafe { posed(pose, rotations, translation) }?;
         let report = if dt == 0.0 { player.step(pose) } else { player.advance(pose, dt) };
         if !vertices.is_null() {
             let posed: &[f32] = bytemuck::cast_slice(player.vertices());
@@ -393,6 +437,37 @@ pub unsafe extern "C" fn softtissue_deltas(player: *const OwnPlayer) -> *const f
         let deltas: &[f32] = bytemuck::cast_slice(unsafe { object(player, "player") }?.player.deltas());
         Ok(deltas.as_ptr())
     })
+}
+
+/// A number of a player; 0 of NULL.
+///
+/// # Safety
+/// `player` is NULL or living.
+unsafe fn of_player(player: *const OwnPlayer, what: impl FnOnce(&Player<Arc<Bundle>>) -> f32) -> f32 {
+    call(0.0, || {
+        // SAFETY: the caller's.
+        Ok(what(&unsafe { object(player, "player") }?.player))
+    })
+}
+
+/// See the header.
+///
+/// # Safety
+/// `player` is NULL or living.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtissue_trust(player: *const OwnPlayer) -> f32 {
+    // SAFETY: the caller's.
+    unsafe { of_player(player, Player::trust) }
+}
+
+/// See the header.
+///
+/// # Safety
+/// `player` is NULL or living.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtissue_latency(player: *const OwnPlayer) -> f32 {
+    // SAFETY: the caller's.
+    unsafe { of_player(player, Player::latency) }
 }
 
 /// See the header.

@@ -98,13 +98,24 @@ int main(int argc, char **argv) {
     const float *features = softtissue_features(player, &count);
     CHECK(count > 0 && isfinite(features[count - 1]) && softtissue_features(player, NULL) == NULL);
 
+    /* how far to trust it, and fading where not */
+    CHECK(softtissue_trust(player) > 0 && softtissue_trust(player) <= 1 && softtissue_trust(NULL) == 0);
+    CHECK(softtissue_latency(player) == 0);
+    CHECK(softtissue_fade(player, 2, 0, 1) == -1 && strstr(softtissue_error(), "trust"));
+    CHECK(softtissue_fade(player, 0.5f, 0.2f, 0.5f) == 0);
+
     /* a broken pose, and a time step that is none */
     motion[0] = NAN;
     CHECK(softtissue_step(player, motion, motion + 3 * joints, 0.02f, posed) & SOFTTISSUE_POSE_HELD);
     CHECK(isfinite(posed[0]));
+    const float *second = motion + numbers;
     CHECK(softtissue_step(player, motion + numbers, motion + numbers + 3 * joints, -1, NULL) == SOFTTISSUE_TIME_IGNORED);
     CHECK(softtissue_step(player, NULL, motion, 0, NULL) == SOFTTISSUE_FAILED);
     softtissue_reset(player);
+    CHECK(deltas[0] == 0);
+    CHECK((softtissue_pre_roll(player, second, second + 3 * joints, 1) & SOFTTISSUE_POSE_HELD) == 0 && deltas[0] != 0);
+    CHECK(softtissue_pre_roll(player, motion, motion + 3 * joints, NAN) & SOFTTISSUE_POSE_HELD);
+    CHECK(softtissue_pre_roll(player, NULL, NULL, 1) == SOFTTISSUE_FAILED);
     softtissue_player_free(player);
     free(motion);
     free(posed);

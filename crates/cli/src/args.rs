@@ -29,7 +29,7 @@ pub enum Verb {
     Animate(AnimateArgs),
     /// Write the network of a bundle for other programs, or a web page that plays it.
     Export(ExportArgs),
-    /// Play a bundle in the browser, with sliders for body and flesh.
+    /// Look at scans, fits, motions and runs in the browser, or play a bundle there.
     View(ViewArgs),
     /// Make 4D scans with known truth from code alone.
     Synth(SynthArgs),
@@ -193,25 +193,65 @@ pub struct PageMotionArgs {
     /// What a foreign motion does not say.
     #[command(flatten)]
     pub foreign: MotionSourceArgs,
-    /// Frames of a generated motion.
-    #[arg(long, default_value_t = 300)]
-    pub frames: usize,
+    /// Frames of a generated motion [default: 300].
+    #[arg(long)]
+    pub frames: Option<usize>,
 }
 
 /// `view`.
 #[derive(Debug, Args)]
 pub struct ViewArgs {
-    /// The bundle folder.
-    pub bundle: PathBuf,
-    /// Motions of the page.
+    /// A run, a scan or fit set, a clip, a motion, scans that `import` takes: a page in one file. Or a bundle: a page that
+    /// plays it with sliders for body and flesh, which needs a build with `--features web`.
+    pub path: PathBuf,
+    /// A clip to show; may be repeated [default: of runs one that was left out, of sets the first ones that fit].
+    #[arg(long = "clip", value_name = "SUBJECT/MOTION.TAKE")]
+    pub clips: Vec<String>,
+    /// Frames to show, from A up to but not with B, either of which may be left out.
+    #[arg(long, value_name = "A..B")]
+    pub range: Option<FrameRange>,
+    /// Show the scan and what was fitted to it beside truth and prediction of a run.
+    #[arg(long)]
+    pub fit: bool,
+    /// The page to write [default: a temporary one].
+    #[arg(long, value_name = "FILE.html")]
+    pub out: Option<PathBuf>,
+    /// The body that clips of ours were made with, whose triangles and bones they lack; otherwise one that lies near.
+    #[arg(long, value_name = "FILE")]
+    pub body: Option<PathBuf>,
+    /// Where the scans and fits of a run lie now [default: where the run put them].
+    #[arg(long, value_name = "DIR")]
+    pub data_dir: Option<PathBuf>,
+    /// Motions of a bundle's page, and what a foreign motion does not say.
     #[command(flatten)]
     pub motions: PageMotionArgs,
-    /// Where it is served on this machine; 0 takes any port that is free.
-    #[arg(long, default_value_t = 4747)]
-    pub port: u16,
+    /// Where the page of a bundle is served on this machine; 0 takes any port that is free [default: 4747].
+    #[arg(long)]
+    pub port: Option<u16>,
     /// Do not open a browser.
     #[arg(long)]
     pub no_browser: bool,
+}
+
+/// Frames from `start` up to but not with `end`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameRange {
+    /// The first.
+    pub start: usize,
+    /// The one after the last; the clip's end where it is not stated.
+    pub end: Option<usize>,
+}
+
+impl std::str::FromStr for FrameRange {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |t: &str| if t.is_empty() { Some(None) } else { t.parse().ok().map(Some) };
+        let parse = || {
+            let (start, end) = text.split_once("..")?;
+            Some(Self { start: number(start)?.unwrap_or(0), end: number(end)? })
+        };
+        parse().ok_or_else(|| "write A..B, A.. or ..B with frame numbers from 0".into())
+    }
 }
 
 /// `animate`.
@@ -254,6 +294,17 @@ pub struct AnimateArgs {
     /// Level of detail: leave this region rigid. Once for each region.
     #[arg(long, value_name = "REGION")]
     pub still: Vec<String>,
+    /// Stand in the first pose for so long before, seconds: the flesh hangs as it does there, and the first frame makes no
+    /// jolt. Without a number 3.
+    #[arg(long, value_name = "S", num_args = 0..=1, default_missing_value = "3")]
+    pub pre_roll: Option<f32>,
+    /// Play the motion round and round until the flesh of its last frame runs into its first, and write one round.
+    #[arg(long = "loop", conflicts_with = "pre_roll")]
+    pub looped: bool,
+    /// Fade the flesh out where the motion is unlike all that the bundle knows, and in again where it is not: below this trust,
+    /// 0 to 1. Without a number 0.5.
+    #[arg(long, value_name = "TRUST", num_args = 0..=1, default_missing_value = "0.5")]
+    pub fade: Option<f32>,
     /// What to write: `.glb` or `.gltf`, `.usda`, a point cache `.pc2` or `.mdd` with its mesh as `.obj` beside it, `.png` (a
     /// picture of some frames), or a folder for an OBJ sequence.
     #[arg(long, value_name = "FILE")]

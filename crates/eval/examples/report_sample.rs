@@ -6,7 +6,8 @@ mod figure;
 
 use figure::{OnBody, Oscillator, World, body, motion, truth};
 use softtissue_clips::MotionClip;
-use softtissue_eval::report::{ReportInput, StageTime, TrainingCurve, playback, write};
+use softtissue_eval::report::{ReportInput, StageTime, TrainingCurve, write};
+use softtissue_eval::viewer::playback;
 use softtissue_eval::{
     Codec, CodecPair, LongRollout, Method, MethodError, StopProbe, Tally, acceptance, curves, judge, judge_bounded,
     judge_fit, judge_shapes, judge_stops, judge_subspace, training_peaks,

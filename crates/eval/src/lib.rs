@@ -20,6 +20,7 @@ mod shapes;
 mod subspace;
 mod tally;
 mod timing;
+pub mod viewer;
 
 pub use error::{EvalError, MethodError};
 pub use fit::judge_fit;

@@ -3,7 +3,8 @@
 mod figure;
 
 use figure::{OnBody, Oscillator, World, body, motion, truth};
-use softtissue_eval::report::{ReportInput, playback, write};
+use softtissue_eval::report::{ReportInput, write};
+use softtissue_eval::viewer::playback;
 use softtissue_eval::{
     BmiMetrics, CodecCurves, FitMetrics, Gate, Metrics, PersonFigures, PersonMetrics, SubspaceMetrics, SubspaceTable,
     Tally, TimingMetrics, acceptance, curves, judge,
@@ -61,7 +62,9 @@ fn a_report_loads_nothing_and_holds_the_figures() {
         soft.mean_mm.unwrap(),
         soft.std_mm.unwrap()
     )));
-    assert!(html.contains("id=\"view-reference\"") && html.contains("\"alone\":{\"step\""));
+    assert!(
+        html.contains("id=\"view-reference\"") && html.contains(r#"{"key":"alone","label":"Body alone","over":null}"#)
+    );
     let clip = &metrics.clips[0].methods["body"].regions["soft"];
     assert!(html.contains(&format!(
         "{:.2}<span class=\"pm\">±{:.2}</span>",
@@ -152,11 +155,12 @@ fn a_played_clip_is_the_posed_body() {
     let (w, _, _) = judged(folder.path());
     let exact = OnBody(&w.body, truth());
     let clip = playback(&w.scene(), &exact, &w.clips[0]).unwrap();
-    assert_eq!(clip.reference, clip.predicted);
+    let frames = |key: &str| &clip.layer(key).unwrap().frames;
+    assert_eq!(frames("reference"), frames("predicted"));
     let clean = w.truth.clean(&w.clips[0]).unwrap().vertices;
     for t in [0, 40, 89] {
         for (v, p) in clean.frame(t).iter().enumerate() {
-            let played = clip.body_alone.frame(t)[v] + clip.reference.frame(t)[v];
+            let played = frames("alone").frame(t)[v] + frames("reference").frame(t)[v];
             assert!((played - *p).length() < 1e-5, "frame {t}, vertex {v}: {played} {p}");
         }
     }

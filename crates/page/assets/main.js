@@ -175,6 +175,7 @@ class Page {
   shown() {
     const d = this.player.deltas(), values = this.values, scale = 1 / this.range;
     for (let i = 0; i < values.length; i++) values[i] = Math.hypot(d[3 * i], d[3 * i + 1], d[3 * i + 2]) * scale;
+    this.trust = Math.min(this.trust ?? 1, this.player.trust());
     this.changed = true;
   }
   advance(seconds) {
@@ -234,6 +235,9 @@ class Page {
     at("figures").textContent = player.kept.length
       ? `Player ${ms(player.mean)} a frame, 95 % under ${ms(player.most)} · drawing ${ms(drawing.mean)}${rate}`
       : `${this.bundle.vertices} vertices`;
+    // The least of what was shown since these figures were last said.
+    if (this.trust !== undefined) at("figures").textContent += ` · trust ${this.trust.toFixed(2)}`;
+    this.trust = undefined;
   }
   start() {
     let last = null, said = 0;

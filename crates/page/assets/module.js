@@ -113,6 +113,10 @@ export class Player {
     if (this.module.calls.softtissue_body_alone(this.at, this.places.alone) !== 0) throw this.module.error();
     return this.module.floats(this.places.alone, 3 * this.bundle.vertices);
   }
+  // Trust in the newest frame: 1 where motion and body are like those of the training, 0 far from them.
+  trust() {
+    return this.module.calls.softtissue_trust(this.at);
+  }
   // Displacements of the rest mesh.
   deltas() {
     return this.module.floats(this.module.calls.softtissue_deltas(this.at), 3 * this.bundle.vertices);

@@ -119,6 +119,28 @@ impl Player {
         self.player.set_detail(&core::Detail { components, still }).map_err(refused)
     }
 
+    /// Fades the deltas out where the motion is unlike all that the bundle knows, and in again where it is not: below a trust of
+    /// 0 to 1 (0 never fades) that has lasted for `patience` seconds, over so many seconds.
+    #[pyo3(signature = (below = 0.5, patience = 0.2, seconds = 0.5))]
+    fn fade(&mut self, below: f32, patience: f32, seconds: f32) -> PyResult<()> {
+        self.player.set_fade(Some(core::Fade { below, patience, seconds })).map_err(refused)
+    }
+
+    /// Starts over in the steady state of a pose, as if the body had stood in it for so many seconds: the motion that follows
+    /// may begin in mid-movement and makes no jolt.
+    #[pyo3(signature = (rotations, translation, seconds = 3.0))]
+    fn pre_roll<'py>(
+        &mut self,
+        rotations: PyReadonlyArray2<'py, f32>,
+        translation: PyReadonlyArray1<'py, f32>,
+        seconds: f32,
+    ) -> PyResult<()> {
+        let rotations = vectors(rotations.as_array().shape(), rotations.as_array().iter())?;
+        let translation = vectors(&[1, translation.as_array().len()], translation.as_array().iter())?[0];
+        self.report = names(&self.player.pre_roll(Pose { rotations: &rotations, translation }, seconds));
+        Ok(())
+    }
+
     /// Forgets the motion: the next pose is a first one.
     fn reset(&mut self) {
         self.player.reset();
@@ -201,6 +223,16 @@ impl Player {
     #[getter]
     fn weight_bytes(&self) -> usize {
         self.player.weight_bytes()
+    }
+    /// Trust in the newest frame: 1 where motion and body are like those of the training, 0 far from them.
+    #[getter]
+    fn trust(&self) -> f32 {
+        self.player.trust()
+    }
+    /// Seconds between a pose and its deltas: 0 unless the model looks ahead.
+    #[getter]
+    fn latency(&self) -> f32 {
+        self.player.latency()
     }
     /// Frames between a pose and its deltas, where the model looks ahead.
     #[getter]

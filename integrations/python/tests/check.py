@@ -78,7 +78,17 @@ def check_player(folder):
         still.step(rotations[1], translations[1])
     still.step(np.full_like(rotations[0], np.nan), translations[0])
     assert "pose held" in still.report and np.isfinite(still.deltas).all()
+    # trust, fading, and a start in the steady state
+    assert still.latency == still.delay_frames / bundle.fps
+    still.fade(below=0.5, patience=0.0, seconds=0.05)
+    draws = np.random.default_rng(3)
+    for t in range(30):
+        still.step(draws.uniform(-2, 2, rotations[0].shape).astype(np.float32), translations[0])
+    assert still.trust < 0.5 and not still.deltas.any()
+    still.pre_roll(rotations[0], translations[0], seconds=1)
+    assert np.abs(still.deltas).max() > 1e-6
     for wrong, says in [
+        (lambda: still.fade(below=2.0), "trust"),
         (lambda: softtissue.Bundle("/nowhere"), "/nowhere"),
         (lambda: softtissue.Player(bundle, [float("nan")]), "shape coefficient 0"),
         (lambda: still.control("nose"), "nose"),

@@ -3,6 +3,7 @@
 //! `batch`: many characters against players of their own.
 //! `detail`: less of the flesh, against the sums that are left.
 //! `format`: writing, reading back, pinned bytes.
+//! `live`: motions at any rate, broken, unknown, starting and ending anywhere.
 //! `player`: the player against sums written out in f64, and against bad input.
 //! `precision`: bundles in fewer bits, what they lose and what is refused of them.
 //! `reference`: these sums.
@@ -19,6 +20,7 @@ mod descriptor;
 mod detail;
 mod feedback;
 mod format;
+mod live;
 #[path = "../../examples/play.rs"]
 #[expect(dead_code, reason = "its `main` is for the command line")]
 mod play;

@@ -110,6 +110,12 @@ pub fn pose_encoder() -> Arc<PoseEncoder> {
     Arc::new(PoseEncoder { layers: vec![draws.linear(6, 8, 1.0), draws.linear(8, 4, 1.0)] })
 }
 
+/// Of [`motion`] and people on either side of the mean.
+fn trust(descriptor: &Descriptor, features: &[f32]) -> Trust {
+    let clips = [SeenClip { motion: "bends", features }];
+    Trust::fit(descriptor.blocks(), &clips, &[&[-1.0, -1.0], &[1.0, 1.0]])
+}
+
 /// A bundle of random numbers of sensible size: 7 components, 5 latents, 4 modes.
 pub fn bundle(parts: Parts) -> Bundle {
     let body = body();
@@ -165,7 +171,8 @@ pub fn bundle(parts: Parts) -> Bundle {
         ..Default::default()
     };
     let model = Model::Recurrent(RecurrentModel { regressor, subspace, pose_encoder });
-    let mut bundle = Bundle { info, body, descriptor: config, model, self_check: SelfCheck::default() };
+    let trust = trust(&descriptor, &training);
+    let mut bundle = Bundle { info, body, descriptor: config, model, trust, self_check: SelfCheck::default() };
     bundle.self_check =
         SelfCheck::record(&bundle, &[0.5, -0.5], &rotations.slice(0..12), &translations[..12], 8).unwrap();
     bundle
@@ -195,7 +202,8 @@ pub fn feedback_bundle(clipped: bool) -> Bundle {
     let people = vec![person("light", vec![0.0, 1.5]), person("heavy", vec![0.0, -1.5])];
     let info = BundleInfo { method: "casas-otaduy".into(), largest_delta_m: 0.1, ..Default::default() };
     let model = Model::Feedback(FeedbackModel { people });
-    let mut bundle = Bundle { info, body, descriptor: config, model, self_check: SelfCheck::default() };
+    let trust = trust(&descriptor, &features);
+    let mut bundle = Bundle { info, body, descriptor: config, model, trust, self_check: SelfCheck::default() };
     bundle.self_check =
         SelfCheck::record(&bundle, &[0.5, -0.5], &rotations.slice(0..12), &translations[..12], 8).unwrap();
     bundle
@@ -252,4 +260,14 @@ pub fn motion(frames: usize) -> (Frames, Vec<Vec3>) {
         translations.push(Vec3::new(0.5 * s, (0.2 * (9.0 * s).sin()).max(0.0), 0.1 * (4.0 * s).cos()));
     }
     (rotations, translations)
+}
+
+/// Bends, turns and bounces, smoothly, at any time: a frame every `1 / fps` seconds.
+pub fn swinging(s: f32) -> (Vec<Vec3>, Vec3) {
+    let rotations = vec![
+        Vec3::new(0.1 * (3.0 * s).sin(), 0.8 * s, 0.0),
+        Vec3::new(0.4 * (11.0 * s).sin(), 0.2 * (5.0 * s).cos(), 0.1),
+        Vec3::new(-0.3 * (17.0 * s).sin(), 0.0, 0.3 * (7.0 * s).sin()),
+    ];
+    (rotations, Vec3::new(0.5 * s, 0.04 * (14.0 * s).sin(), 0.1 * (4.0 * s).cos()))
 }

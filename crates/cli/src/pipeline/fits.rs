@@ -11,13 +11,24 @@ use softtissue_fit::{FitConfig, FittedPeople, LevenbergMarquardt, Solver, fit_se
 use softtissue_monitor::Monitor;
 use softtissue_train::AdamSolver;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Raised whenever the same scans, body and settings would give another fit, so that a kept one is not mistaken.
 pub const FIT: u32 = 4;
 
 /// Beside a fit in the cache: what each of its people who train was fitted from.
 const PEOPLE: &str = "people.json";
+
+/// Where the fit of a split is kept.
+pub fn fit_place(config: &Config, scans: &Scans, body: &KeptBody, split: &Split, data_dir: &Path) -> Result<PathBuf> {
+    let ids: Vec<&ClipId> = split.train.iter().chain(&split.validation).chain(&split.test).collect();
+    let name = fingerprint(&(made_of(scans, body), &config.fit, &split.train, ids))?;
+    Ok(data_dir.join("cache").join(format!("fit-{name}")))
+}
+
+fn made_of<'a>(scans: &'a Scans, body: &'a KeptBody) -> (&'static str, u32, &'a str, &'a str) {
+    (env!("CARGO_PKG_VERSION"), FIT, &scans.fingerprint, &body.sha256)
+}
 
 /// Fits all clips of a split, or finds the fit in the cache. People who train with the same clips in a fit of another split
 /// are taken from there, so that leaving out one person, or one clip of one, does not fit everybody again.
@@ -29,11 +40,7 @@ pub fn fit_scans(
     data_dir: &Path,
     monitor: &dyn Monitor,
 ) -> Result<FitSet> {
-    let ids: Vec<&ClipId> = split.train.iter().chain(&split.validation).chain(&split.test).collect();
-    let made_of = (env!("CARGO_PKG_VERSION"), FIT, &scans.fingerprint, &body.sha256);
-    let name = fingerprint(&(made_of, &config.fit, &split.train, ids))?;
-    let cache = data_dir.join("cache");
-    let out = cache.join(format!("fit-{name}"));
+    let out = fit_place(config, scans, body, split, data_dir)?;
     if out.join("index.json").exists() {
         monitor.say(&format!("  fit: found in {}", out.display()));
         return Ok(FitSet::open(&out)?);
@@ -41,11 +48,11 @@ pub fn fit_scans(
     let names: BTreeSet<&str> = split.train.iter().map(|id| id.subject.as_str()).collect();
     let fitted_from = |name: &str| {
         let clips: Vec<&ClipId> = split.train.iter().filter(|id| id.subject == name).collect();
-        fingerprint(&(made_of, &config.fit, &config.device, clips))
+        fingerprint(&(made_of(scans, body), &config.fit, &config.device, clips))
     };
     let wanted: BTreeMap<String, String> =
         names.into_iter().map(|name| Ok((name.to_owned(), fitted_from(name)?))).collect::<Result<_>>()?;
-    let fitted = fitted_people(&cache, &wanted);
+    let fitted = fitted_people(&data_dir.join("cache"), &wanted);
     let fit = fit_clips(&scans.set, split, &body.model, &config.fit, &config.device, &fitted, &out, monitor)?;
     softtissue_store::write_json_atomic(&out.join(PEOPLE), &wanted)?;
     Ok(fit)

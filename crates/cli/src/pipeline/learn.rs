@@ -12,13 +12,15 @@ use super::softtissue::learn_softtissue;
 use crate::config::Method;
 use crate::exit::{InputError, UsageError};
 use anyhow::{Context as _, Result};
+use rayon::prelude::*;
 use serde_json::json;
 use softtissue_body::BodyModel;
 use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig};
-use softtissue_bundle::{Bundle, BundleInfo, Model, SelfCheck};
-use softtissue_clips::{FitSet, Split};
+use softtissue_bundle::{Bundle, BundleInfo, Model, SeenClip, SelfCheck, Trust};
+use softtissue_clips::{ClipError, ClipId, FitSet, Split};
 use softtissue_model::{Pca, TrainingClip};
 use softtissue_train::Clips;
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -167,6 +169,7 @@ fn ship(
         body: (**body).clone(),
         descriptor: learned.descriptor.clone(),
         model: learned.model.clone(),
+        trust: trust(material, learned)?,
         self_check: SelfCheck::default(),
     };
     let first = &split.train[0];
@@ -177,6 +180,29 @@ fn ship(
         SelfCheck::record(&bundle, &beta, &motion.rotations, &motion.translations, SELF_CHECK_VERTICES)?;
     bundle.write(bundle_dir).context("the bundle cannot be written")?;
     Ok(bundle)
+}
+
+/// What the training clips, mirrored ones among them, show of motions, as the bundle describes them, and of bodies.
+fn trust(material: &Material, learned: &LearnedModel) -> Result<Trust> {
+    let Material { body, fit, split, .. } = *material;
+    let descriptor = Descriptor::with_parts(&learned.descriptor, body, learned.model.descriptor_parts(&learned.descriptor))?;
+    let seen = |(id, mirrored): (&ClipId, bool)| -> Result<(String, Vec<f32>)> {
+        let shaped = body.shaped(&fit.subject(&id.subject)?.beta);
+        let motion = fit.motion(id)?;
+        let (rotations, translations) = match mirrored {
+            true => body.mirror.motion(&motion.rotations, &motion.translations),
+            false => (motion.rotations, motion.translations),
+        };
+        Ok((id.motion.clone(), descriptor.run(body, &shaped, &rotations, &translations)))
+    };
+    let both = [false, true].into_par_iter().flat_map(|m| split.train.par_iter().map(move |id| (id, m)));
+    let clips: Vec<(String, Vec<f32>)> = both.map(seen).collect::<Result<_>>()?;
+    let clips: Vec<SeenClip> = clips.iter().map(|(motion, features)| SeenClip { motion, features }).collect();
+    let names: BTreeSet<&str> = split.train.iter().map(|id| id.subject.as_str()).collect();
+    let people: Vec<Vec<f32>> =
+        names.into_iter().map(|name| Ok(fit.subject(name)?.beta)).collect::<Result<_, ClipError>>()?;
+    let people: Vec<&[f32]> = people.iter().map(Vec::as_slice).collect();
+    Ok(Trust::fit(descriptor.blocks(), &clips, &people))
 }
 
 fn largest_delta(fit: &FitSet, split: &Split) -> Result<f32> {

@@ -7,8 +7,9 @@ use super::judge::{Judgement, heaviest};
 use super::learn::Learned;
 use anyhow::Result;
 use softtissue_body::BodyModel;
-use softtissue_clips::ClipId;
-use softtissue_eval::report::{ReportInput, StageTime, TrainingCurve, playback, write};
+use softtissue_clips::{ClipId, FitSet};
+use softtissue_eval::report::{ReportInput, StageTime, TrainingCurve, write};
+use softtissue_eval::viewer::playback;
 use softtissue_eval::{Metrics, Scene, Tally};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -26,7 +27,7 @@ pub fn write_report(
     let truth = job.scans.open_truth()?;
     let scene = Scene { body: &job.body, fit: &job.fit, scans: Some(&job.scans.set), truth: truth.as_ref() };
     let ours = BundleMethod::as_learned(&learned.bundle);
-    let clips = shown(job, context.config.eval.playback_clips)?;
+    let clips = shown(&job.fit, &job.split.test, context.config.eval.playback_clips)?;
     let playback = clips.iter().map(|id| Ok(playback(&scene, &ours, id)?)).collect::<Result<Vec<_>>>()?;
     let stages: Vec<StageTime> =
         context.times().into_iter().map(|(name, seconds)| StageTime { name, seconds }).collect();
@@ -76,12 +77,12 @@ pub fn write_protocol_report(
     Ok(write(&input, path)?)
 }
 
-/// Test clips of the heaviest subjects first: there the flesh is seen to move.
-fn shown(job: &Prepared, count: usize) -> Result<Vec<ClipId>> {
-    let mut left = job.split.test.clone();
+/// So many of `clips`, those of the heaviest subjects first: there the flesh is seen to move.
+pub fn shown(fit: &FitSet, clips: &[ClipId], count: usize) -> Result<Vec<ClipId>> {
+    let mut left = clips.to_vec();
     let mut clips = Vec::new();
     while clips.len() < count {
-        let Some(next) = heaviest(&job.fit, &left)? else { break };
+        let Some(next) = heaviest(fit, &left)? else { break };
         left.retain(|id| *id != next);
         clips.push(next);
     }

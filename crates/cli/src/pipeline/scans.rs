@@ -82,6 +82,18 @@ pub fn make_scans(config: &Config, data_dir: &Path, monitor: &dyn Monitor) -> Re
     Ok(Scans { set, truth: Some(dataset::truth_path(&out)), fingerprint, generated: true })
 }
 
+/// The configured scans where they are in the cache, with or without their truth; nothing is made.
+pub fn find_scans(config: &Config, data_dir: &Path) -> Result<Option<Scans>> {
+    let fingerprint = config.synth.fingerprint()?;
+    let out = data_dir.join("cache").join(&fingerprint[..16]);
+    let root = dataset::scans_path(&out);
+    if !root.join("index.json").exists() {
+        return Ok(None);
+    }
+    let truth = Some(dataset::truth_path(&out));
+    Ok(Some(Scans { set: ScanSet::open(&root)?, truth, fingerprint, generated: true }))
+}
+
 /// Opens scans of ours, or brings in other people's, their units and up axis as found.
 pub fn import_or_open(
     source: &Path,
@@ -91,26 +103,27 @@ pub fn import_or_open(
     monitor: &dyn Monitor,
 ) -> Result<Scans> {
     let topology = &body.topology;
-    let source =
-        if source.join("scans").join("index.json").exists() { source.join("scans") } else { source.to_owned() };
-    let (root, set) = if source.join("index.json").exists() {
-        (source.clone(), ScanSet::open(&source)?)
+    let root = set_place(source, config, body, data_dir)?;
+    let set = if root.join("index.json").exists() {
+        ScanSet::open(&root)?
     } else {
-        let made_of = (IMPORT, listing(&source), config.descriptor.fps, topology.hash(), &config.registration);
-        let name = fingerprint(&made_of)?;
-        let out = data_dir.join("cache").join(format!("import-{name}"));
-        let set = if out.join("index.json").exists() {
-            ScanSet::open(&out)?
-        } else {
-            let import = ScanImportConfig { assumed_fps: config.descriptor.fps, ..ScanImportConfig::default() };
-            bring_in(&source, &import, false, body, &config.registration, &out, monitor)?
-        };
-        (out, set)
+        let import = ScanImportConfig { assumed_fps: config.descriptor.fps, ..ScanImportConfig::default() };
+        bring_in(source, &import, false, body, &config.registration, &root, monitor)?
     };
     check_set(&set, config, topology)?;
     let truth = root.parent().map(|p| p.join("truth")).filter(|p| p.join("subjects.json").exists());
     let fingerprint = content(&set)?;
     Ok(Scans { set, truth, fingerprint, generated: false })
+}
+
+/// Where the set of a source lies: the source itself where it is one, or what was brought in from it, there or not.
+pub fn set_place(source: &Path, config: &Config, body: &BodyModel, data_dir: &Path) -> Result<PathBuf> {
+    let below = source.join("scans");
+    if let Some(set) = [below.as_path(), source].into_iter().find(|p| p.join("index.json").exists()) {
+        return Ok(set.to_owned());
+    }
+    let made_of = (IMPORT, listing(source), config.descriptor.fps, body.topology.hash(), &config.registration);
+    Ok(data_dir.join("cache").join(format!("import-{}", fingerprint(&made_of)?)))
 }
 
 /// SHA-256 over the list and every clip of a set.

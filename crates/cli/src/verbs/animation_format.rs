@@ -44,7 +44,7 @@ impl Format {
         })
     }
 
-    /// Writes posed vertices `[T, V]`, metres, and prints what was written.
+    /// Writes posed vertices `[T, V]`, metres, and returns what is to be said of it.
     #[expect(clippy::too_many_arguments, reason = "what is written, and where to")]
     pub fn write(
         self,
@@ -55,12 +55,12 @@ impl Format {
         vertices: &Frames,
         fps: f32,
         monitor: &dyn Monitor,
-    ) -> Result<()> {
+    ) -> Result<String> {
         let BodyModel { topology, uv, .. } = body;
         let uv = (!uv.faces.is_empty()).then_some(Uv { coordinates: &uv.coordinates, faces: &uv.faces });
         let animation = Animation { name, topology, uv, fps, vertices, extras };
         let (place, frames) = (out.display(), vertices.len());
-        let line = match self {
+        Ok(match self {
             Self::Gltf => {
                 let report = write_gltf(out, &animation, &GltfConfig::default(), monitor)?;
                 let (targets, error, size) = (report.targets, report.max_error_m * 1e3, report.bytes as f64 / 1e6);
@@ -78,8 +78,6 @@ impl Format {
                 write_obj_sequence(out, &animation, monitor)?;
                 format!("{place}: {frames} OBJ files")
             }
-        };
-        crate::print_line(&line);
-        Ok(())
+        })
     }
 }

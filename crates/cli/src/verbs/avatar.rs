@@ -117,9 +117,16 @@ pub fn animate(args: &AnimateArgs, format: Option<Format>, monitor: &dyn Monitor
         return Err(UsageError("--out: an avatar is not drawn; write a folder of OBJ files, or .glb".into()).into());
     };
     let shaped_otherwise = args.body.shape.is_some() || args.body.bmi.is_some() || args.flesh.is_some();
-    if shaped_otherwise || args.mesh.is_some() || args.paint.is_some() || !args.control.is_empty() || args.gain != 1.0 {
-        let message = "an avatar is one person as scanned: leave out --shape, --bmi, --flesh, --mesh, --paint, --control \
-                       and --gain";
+    let played_otherwise = args.fade.is_some() || args.pre_roll.is_some() || args.looped;
+    if shaped_otherwise
+        || played_otherwise
+        || args.mesh.is_some()
+        || args.paint.is_some()
+        || !args.control.is_empty()
+        || args.gain != 1.0
+    {
+        let message = "an avatar is one person as scanned: leave out --shape, --bmi, --flesh, --mesh, --paint, --control, \
+                       --gain, --fade, --pre-roll and --loop";
         return Err(UsageError(message.into()).into());
     }
     let device = Device::flex();
@@ -170,7 +177,9 @@ pub fn animate(args: &AnimateArgs, format: Option<Format>, monitor: &dyn Monitor
         Ok(())
     })?;
     monitor.end();
-    format.write(&args.out, &info.subject, &model.body, &extras, &frames, info.fps, monitor)
+    let line = format.write(&args.out, &info.subject, &model.body, &extras, &frames, info.fps, monitor)?;
+    crate::print_line(&line);
+    Ok(())
 }
 
 /// Shows every frame's field and posed body to `see`. The first frames come from the network that sees poses alone.

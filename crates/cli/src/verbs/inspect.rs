@@ -6,17 +6,16 @@ mod clips;
 mod facts;
 mod folders;
 mod motions;
-mod near;
 mod scans;
 
 use crate::args::InspectArgs;
-use crate::exit::{InputError, UsageError};
+use crate::exit::UsageError;
+use crate::verbs::kind::Kind;
+use crate::verbs::near::BodyFinder;
 use anyhow::Result;
 use facts::Facts;
-use near::BodyFinder;
 use softtissue_eval::Metrics;
 use softtissue_eval::report::plain;
-use softtissue_import::motion::is_motion_file;
 use softtissue_store::TensorFile;
 use std::path::Path;
 
@@ -56,35 +55,31 @@ fn measures(args: &InspectArgs) -> Result<()> {
 }
 
 fn facts_of(path: &Path, finder: &BodyFinder) -> Result<Facts> {
-    if path.is_dir() {
-        return folders::facts(path, finder);
-    }
-    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-    match extension.as_deref() {
-        Some("safetensors") => tensors(path, finder),
-        Some("obj") => scans::obj(path),
-        Some("ply") => scans::ply(path),
-        _ if bodies::is_foreign(path) => bodies::foreign(path),
-        Some("hdf5" | "h5") => scans::source(path),
-        Some("npz") if scans::is_npz_of_vertices(path) => scans::source(path),
-        _ if is_motion_file(path) => motions::foreign(path),
-        _ if !path.exists() => Err(InputError(format!("{} does not exist: check the path", path.display())).into()),
-        _ => Err(InputError(format!(
-            "{}: no file that softtissue knows (clips and bodies are .safetensors, meshes .obj and .ply, scans .hdf5, .h5 and \
-             .npz, motions .bvh, .amc and .npz, foreign bodies .pkl, .npz and .whl, measures .json)",
-            path.display()
-        ))
-        .into()),
+    match Kind::of(path)? {
+        Kind::Run => bundles::run(path),
+        Kind::Generated => folders::generated(path, finder),
+        Kind::Truth => folders::truth(path, finder),
+        Kind::Checkpoint => folders::checkpoint(path),
+        Kind::Bundle => bundles::bundle(path),
+        Kind::ScanSet => folders::scan_set(path, finder),
+        Kind::FitSet => folders::fit_set(path, finder),
+        Kind::Cache(kept) => Ok(Facts::new("cache").with("kept", kept)),
+        Kind::Anny => bodies::anny(path),
+        Kind::Tensors(file) => tensors(path, &file, finder),
+        Kind::Obj => scans::obj(path),
+        Kind::Ply => scans::ply(path),
+        Kind::ForeignBody => bodies::foreign(path),
+        Kind::ForeignScans => scans::source(path),
+        Kind::ForeignMotion => motions::foreign(path),
     }
 }
 
 /// A tensor file of ours.
-fn tensors(path: &Path, finder: &BodyFinder) -> Result<Facts> {
-    let file = TensorFile::open(path)?;
+fn tensors(path: &Path, file: &TensorFile, finder: &BodyFinder) -> Result<Facts> {
     match file.meta("kind") {
         Some("scan") => clips::scan(path, finder),
         Some("delta") => clips::deltas(path, finder),
-        Some("motion") => motions::ours(path, &file, finder),
+        Some("motion") => motions::ours(path, file, finder),
         Some("body") => bodies::of_file(path),
         Some("fitted-subject") => clips::subject(path, finder),
         _ => {

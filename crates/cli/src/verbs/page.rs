@@ -20,6 +20,9 @@ pub const MOTIONS: [&str; 6] = [
     "synth:chicken_wings",
 ];
 
+/// Frames of generated motions that nobody said otherwise for.
+const FRAMES: usize = 300;
+
 /// The page, its motions on the mean body.
 pub fn site(bundle: &Path, motions: &PageMotionArgs, monitor: &dyn Monitor) -> Result<Site> {
     let player = player_module()?;
@@ -30,7 +33,7 @@ pub fn site(bundle: &Path, motions: &PageMotionArgs, monitor: &dyn Monitor) -> R
         chosen => chosen.iter().map(String::as_str).collect(),
     };
     let on_the_body = |name| {
-        let wanted = Wanted { name, foreign: &motions.foreign, frames: motions.frames };
+        let wanted = Wanted { name, foreign: &motions.foreign, frames: motions.frames.unwrap_or(FRAMES) };
         motion(&wanted, &read.body, &vec![0.0; read.body.shape_count()], read.descriptor.fps, monitor)
     };
     let clips = names.into_iter().map(on_the_body).collect::<Result<Vec<MotionClip>>>()?;

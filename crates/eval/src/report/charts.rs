@@ -1,10 +1,10 @@
 //! The data behind charts and the 3D view, as JSON for the page's script.
 
-use super::pack::{Packed, pack, pack_bytes};
+use super::ReportInput;
 use super::text::{by_rank, is_channel, method_label};
-use super::{PlaybackClip, ReportInput};
 use crate::MOVING;
 use crate::measures::Spectrum;
+use crate::viewer::{Surface, ViewData};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -27,8 +27,7 @@ pub struct PageData {
     subspace_time: Vec<RegionCurves>,
     subspace_people: Vec<(String, Vec<[f64; 2]>)>,
     timing: Vec<(String, f64)>,
-    mesh: Option<MeshData>,
-    playback: Vec<Play>,
+    pub view: Option<ViewData>,
 }
 
 #[derive(Serialize)]
@@ -63,32 +62,12 @@ struct RegionCurves {
     curves: Vec<(String, Vec<[f64; 2]>)>,
 }
 
-#[derive(Serialize)]
-struct MeshData {
-    vertices: usize,
-    faces: String,
-    soft: String,
-}
-
-#[derive(Serialize)]
-struct Play {
-    clip: String,
-    fps: f32,
-    frames: usize,
-    method: String,
-    truth: bool,
-    alone: Packed,
-    reference: Packed,
-    predicted: Packed,
-}
-
 impl PageData {
     pub fn new(input: &ReportInput) -> Self {
         let mut methods: Vec<String> = input.metrics.methods.keys().filter(|n| !is_channel(n)).cloned().collect();
         methods.sort_by(|a, b| by_rank(a, b));
         let mut labels: BTreeMap<String, String> = methods.iter().map(|n| (n.clone(), method_label(n))).collect();
         labels.insert("truth".into(), if input.metrics.truth { "truth" } else { "scans" }.into());
-        let playback = plays(input.playback);
         Self {
             bars: methods.iter().map(|n| bar(input, n)).collect(),
             over_time: over_time(input, &methods),
@@ -102,15 +81,10 @@ impl PageData {
             subspace_time: subspace_time(input),
             subspace_people: subspace_people(input),
             timing: timing(input),
-            mesh: (!playback.is_empty()).then(|| mesh(input)),
-            playback,
+            view: view(input),
             labels,
             methods,
         }
-    }
-    /// Clips that made it into the file.
-    pub fn clips(&self) -> usize {
-        self.playback.len()
     }
 }
 
@@ -288,32 +262,8 @@ fn training(input: &ReportInput) -> Vec<RegionCurves> {
     charts
 }
 
-fn mesh(input: &ReportInput) -> MeshData {
-    let faces: Vec<u8> = input.body.topology.faces.iter().flatten().flat_map(|i| i.to_le_bytes()).collect();
-    let soft: Vec<u8> = input.body.regions.0.iter().map(|r| u8::from(r.is_soft())).collect();
-    MeshData { vertices: input.body.vertex_count(), faces: pack_bytes(&faces), soft: pack_bytes(&soft) }
-}
-
-/// A tenth of a millimetre for bodies, a fiftieth for displacements: neither can be seen.
-fn plays(clips: &[PlaybackClip]) -> Vec<Play> {
-    let mut used = 0;
-    let mut plays: Vec<Play> = Vec::new();
-    for clip in clips {
-        let play = Play {
-            clip: clip.id.to_string(),
-            fps: clip.fps,
-            frames: clip.body_alone.len(),
-            method: clip.method.clone(),
-            truth: clip.truth,
-            alone: pack(&clip.body_alone, 1e-4, true),
-            reference: pack(&clip.reference, 2e-5, false),
-            predicted: pack(&clip.predicted, 2e-5, false),
-        };
-        let bytes = play.alone.data.len() + play.reference.data.len() + play.predicted.data.len();
-        if used + bytes <= PLAYBACK_BYTES || plays.is_empty() {
-            used += bytes;
-            plays.push(play);
-        }
-    }
-    plays
+fn view(input: &ReportInput) -> Option<ViewData> {
+    let surface = Surface { faces: &input.body.topology.faces, regions: Some(&input.body.regions) };
+    let data = || ViewData::new(&surface, input.playback, Some("reference"), PLAYBACK_BYTES);
+    (!input.playback.is_empty()).then(data)
 }

@@ -3,17 +3,14 @@
 
 mod charts;
 mod comparisons;
-mod pack;
 mod page;
 pub mod plain;
-mod playback;
 mod tables;
 mod text;
 
-pub use playback::{PlaybackClip, playback};
-pub(crate) use text::number;
-pub(crate) use text::{by_rank, is_channel};
+pub(crate) use text::{by_rank, escape, is_channel, method_label, number};
 
+use crate::viewer::ViewClip;
 use crate::{DecayTrace, Metrics, Result, Tally};
 use softtissue_body::BodyModel;
 use softtissue_store::write_atomic;
@@ -59,7 +56,7 @@ pub struct ReportInput<'a> {
     /// The body that the clips were made with.
     pub body: &'a BodyModel,
     /// Clips to play. Those that would make the file larger than about 25 MB are left out, the first one never.
-    pub playback: &'a [PlaybackClip],
+    pub playback: &'a [ViewClip],
 }
 
 /// Writes the report, atomically.

@@ -3,43 +3,24 @@
 use super::charts::PageData;
 use super::text::{escape, thousands};
 use super::{ReportInput, comparisons, tables};
-use crate::{EvalError, Result};
+use crate::Result;
+use crate::viewer::{Stage, document};
 use std::fmt::Write;
 
-const CSS: &str = include_str!("assets/report.css");
-const CHARTS: &str = include_str!("assets/charts.js");
-const VIEWER: &str = include_str!("assets/viewer.js");
-const PAGE: &str = include_str!("assets/page.js");
-const VIEW: &str = include_str!("assets/view.html");
-const WORDS: &str = include_str!("assets/words.html");
+const PAGE: &str = include_str!("../assets/report.js");
+const WORDS: &str = include_str!("../assets/words.html");
 
 pub fn html(input: &ReportInput) -> Result<String> {
     let data = PageData::new(input);
-    let json = serde_json::to_string(&data)
-        .map_err(|e| EvalError::Refused(format!("the report's data cannot be written: {e}")))?
-        // no tag can end inside a string
-        .replace('<', "\\u003c");
-    let mut out = String::with_capacity(json.len() + (1 << 17));
     let title = escape(input.title);
-    let _ = write!(
-        out,
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title} – softtissue report</title>\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:\">\
-         <link rel=\"icon\" href=\"data:,\"><style>{CSS}</style></head><body>"
-    );
-    out += &header(input, &title);
-    out += "<main>";
-    out += &tables::headline(input.metrics);
+    let mut body = header(input, &title);
+    body += "<main>";
+    body += &tables::headline(input.metrics);
     for s in sections(input, &data) {
-        let _ = write!(out, "<section id=\"{}\"><h2>{}</h2>{}</section>", s.id, s.title, s.body);
+        let _ = write!(body, "<section id=\"{}\"><h2>{}</h2>{}</section>", s.id, s.title, s.body);
     }
-    out += "</main><footer>Made by softtissue. This file stands alone: it loads nothing.</footer>";
-    let _ = write!(
-        out,
-        "<script type=\"application/json\" id=\"data\">{json}</script><script>{CHARTS}{VIEWER}{PAGE}</script></body></html>"
-    );
-    Ok(out)
+    body += "</main>";
+    document(&format!("{title} – softtissue report"), &body, &data, PAGE)
 }
 
 fn header(input: &ReportInput, title: &str) -> String {
@@ -124,13 +105,12 @@ fn sections(input: &ReportInput, data: &PageData) -> Vec<Section> {
 }
 
 fn view(input: &ReportInput, data: &PageData) -> String {
-    let left_out = input.playback.len() - data.clips();
-    let note = match left_out {
+    let Some(view) = &data.view else { return String::new() };
+    let note = match input.playback.len() - view.clip_names().count() {
         0 => String::new(),
         n => format!("<p class=\"remark\">{n} more would have made this file too large and were left out.</p>"),
     };
-    let name = if input.metrics.truth { "Truth" } else { "Scan" };
-    VIEW.replace("{reference}", name) + &note
+    Stage { data: view, chooses: false }.html() + &note
 }
 
 fn errors(input: &ReportInput) -> String {

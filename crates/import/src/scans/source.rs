@@ -148,7 +148,7 @@ impl SourceClip {
         }
     }
 
-    fn first_frame(&self, limits: &ImportLimits) -> Result<Vec<glam::Vec3>> {
+    pub fn first_frame(&self, limits: &ImportLimits) -> Result<Vec<glam::Vec3>> {
         match &self.content {
             Content::Files(files) => match files.paths().next() {
                 Some(path) => Ok(read_frame(path, limits)?.positions),

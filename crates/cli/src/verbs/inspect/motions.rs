@@ -1,9 +1,9 @@
 //! Motions, foreign and ours.
 
 use super::facts::{Facts, range};
-use super::near::BodyFinder;
 use crate::args::MotionSourceArgs;
 use crate::verbs::contact_sheet::Tile;
+use crate::verbs::near::BodyFinder;
 use anyhow::Result;
 use glam::Vec3;
 use serde_json::json;

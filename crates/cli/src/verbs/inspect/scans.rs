@@ -13,12 +13,6 @@ use std::path::Path;
 /// Clips of a source that are drawn.
 const DRAWN: usize = 6;
 
-/// Whether a path is an npz of vertices and not one of a motion.
-pub fn is_npz_of_vertices(path: &Path) -> bool {
-    let is_npz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz"));
-    is_npz && ScanSource::open(path, &ScanImportConfig::default()).is_ok()
-}
-
 /// Files and folders that `import scans` takes.
 pub fn source(path: &Path) -> Result<Facts> {
     let source = ScanSource::open(path, &ScanImportConfig { fill_gaps: true, ..ScanImportConfig::default() })?;

@@ -84,20 +84,11 @@
     }
   }
 
-  let placeCursor = null, playing = null;
-  function drawPlay() {
-    if (!playing) return;
-    const [clip, curves] = playing;
-    placeCursor = lineChart(at("chart-play"), {
-      title: "Mean error of soft vertices in this clip, mm", unit: "mm", xUnit: "s", zero: true, height: 120,
-      series: series([["body", curves.body], [clip.method, curves[clip.method]]]),
-      seek: (seconds) => { player.setPlaying(false); player.show(Math.round(seconds * clip.fps)); },
-    });
-  }
-  const player = data.mesh && new Player(data, (seconds) => placeCursor && placeCursor(seconds), (clip, curves) => { playing = [clip, curves]; drawPlay(); });
+  const player = data.view && new Player(data.view);
 
   function drawAll() {
-    [drawTime, drawSpectra, drawShapes, drawPeople, drawBmi, drawSubspaceTime, drawSubspacePeople, drawDecay, drawTraining, drawBars, drawPlay].forEach((draw) => draw());
+    [drawTime, drawSpectra, drawShapes, drawPeople, drawBmi, drawSubspaceTime, drawSubspacePeople, drawDecay, drawTraining, drawBars].forEach((draw) => draw());
+    if (player) player.chart();
   }
   drawAll();
   let width = innerWidth;
