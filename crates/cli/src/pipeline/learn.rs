@@ -185,7 +185,8 @@ fn ship(
 /// What the training clips, mirrored ones among them, show of motions, as the bundle describes them, and of bodies.
 fn trust(material: &Material, learned: &LearnedModel) -> Result<Trust> {
     let Material { body, fit, split, .. } = *material;
-    let descriptor = Descriptor::with_parts(&learned.descriptor, body, learned.model.descriptor_parts(&learned.descriptor))?;
+    let descriptor =
+        Descriptor::with_parts(&learned.descriptor, body, learned.model.descriptor_parts(&learned.descriptor))?;
     let seen = |(id, mirrored): (&ClipId, bool)| -> Result<(String, Vec<f32>)> {
         let shaped = body.shaped(&fit.subject(&id.subject)?.beta);
         let motion = fit.motion(id)?;
