@@ -235,8 +235,9 @@ class Page {
     at("figures").textContent = player.kept.length
       ? `Player ${ms(player.mean)} a frame, 95 % under ${ms(player.most)} · drawing ${ms(drawing.mean)}${rate}`
       : `${this.bundle.vertices} vertices`;
-    // The least of what was shown since these figures were last said.
-    if (this.trust !== undefined) at("figures").textContent += ` · trust ${this.trust.toFixed(2)}`;
+    // The least of what was shown since these figures were last said; where nothing was, as said then.
+    this.said = this.trust ?? this.said;
+    if (this.said !== undefined) at("figures").textContent += ` · trust ${this.said.toFixed(2)}`;
     this.trust = undefined;
   }
   start() {
