@@ -99,7 +99,7 @@ const tests = {
     await settle(page);
     await pixels(page, "after");
     for (const half of [0, 1]) assert((await differing(page, "before", "after", half)) > 0.003, `half ${half} does not move`);
-    assert.match(await page.locator("#figures").textContent(), /Player \d+\.\d\d ms a frame, 95 % under \d/);
+    assert.match(await page.locator("#figures").textContent(), /^Trust [01]\.\d\d · player \d+\.\d\d ms a frame, 95 % under \d/);
     const clock = await page.locator("#clock").textContent();
     await page.waitForTimeout(200);
     assert.equal(await page.locator("#clock").textContent(), clock);

@@ -231,13 +231,16 @@ class Page {
   }
   say() {
     const { player, drawing, picture } = this.times, ms = (x) => x.toFixed(2) + " ms";
-    const rate = picture.kept.length ? ` · ${(1000 / picture.mean).toFixed(0)} pictures a second` : "";
-    at("figures").textContent = player.kept.length
-      ? `Player ${ms(player.mean)} a frame, 95 % under ${ms(player.most)} · drawing ${ms(drawing.mean)}${rate}`
-      : `${this.bundle.vertices} vertices`;
     // The least of what was shown since these figures were last said; where nothing was, as said then.
     this.said = this.trust ?? this.said;
-    if (this.said !== undefined) at("figures").textContent += ` · trust ${this.said.toFixed(2)}`;
+    const said = this.said === undefined ? [] : [`Trust ${this.said.toFixed(2)}`];
+    if (player.kept.length) {
+      said.push(`player ${ms(player.mean)} a frame, 95 % under ${ms(player.most)}`, `drawing ${ms(drawing.mean)}`);
+      if (picture.kept.length) said.push(`${(1000 / picture.mean).toFixed(0)} pictures a second`);
+    } else {
+      said.push(`${this.bundle.vertices} vertices`);
+    }
+    at("figures").textContent = said.join(" · ");
     this.trust = undefined;
   }
   start() {
