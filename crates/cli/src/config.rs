@@ -6,6 +6,7 @@ pub use softsmpl::SoftsmplConfig;
 
 use serde::{Deserialize, Serialize};
 use softtissue_avatar::AvatarConfig;
+use softtissue_body::Region;
 use softtissue_bundle::descriptor::DescriptorConfig;
 use softtissue_clips::{ClipId, Split, SplitConfig};
 use softtissue_fit::{FitConfig, RegistrationConfig};
@@ -98,6 +99,10 @@ pub struct SubspaceConfig {
     pub sizes: Vec<usize>,
     /// Whether mirrored deltas are added. Default true.
     pub mirror: bool,
+    /// Regions that the components leave rigid: what is left there after a fit is its error and the scanner's. Default head,
+    /// hands and feet, which have no flesh to speak of, and calves, whose motion is learned no nearer to scans than none.
+    /// `method = "casas-otaduy"` has components of its own that leave nothing out, as published.
+    pub still: Vec<Region>,
     /// Principal components.
     pub pca: PcaConfig,
     /// Autoencoders.
@@ -199,6 +204,7 @@ impl Default for SubspaceConfig {
         Self {
             sizes: vec![25, 50, 100],
             mirror: true,
+            still: vec![Region::Head, Region::Hands, Region::Feet, Region::Calves],
             pca: PcaConfig::default(),
             training: SubspaceTraining::default(),
         }

@@ -2,11 +2,11 @@
 
 use super::context::{Context, Place, damaged};
 use anyhow::Result;
-use softtissue_body::BodyModel;
+use softtissue_body::{BodyModel, Region};
 use softtissue_bundle::DeltaBasis;
 use softtissue_clips::{ClipId, FitSet, Split, TruthSet};
 use softtissue_eval::ComponentMetrics;
-use softtissue_geometry::Frames;
+use softtissue_geometry::{Adjacency, Frames};
 use softtissue_model::{FrameSource, ModelError, Pca, coefficients_of};
 use softtissue_random::Draws;
 use softtissue_store::{TensorFile, TensorFileWriter};
@@ -18,6 +18,8 @@ struct Deltas<'a> {
     body: &'a BodyModel,
     clips: &'a [ClipId],
     mirror: bool,
+    /// Factor on each vertex, `[V]`.
+    shares: &'a [f32],
 }
 
 impl FrameSource for Deltas<'_> {
@@ -28,13 +30,41 @@ impl FrameSource for Deltas<'_> {
         self.clips.len()
     }
     fn chunk(&self, i: usize) -> Result<Vec<f32>, ModelError> {
-        let deltas = (self.of)(&self.clips[i])?;
+        let mut deltas = (self.of)(&self.clips[i])?;
+        for frame in deltas.points_mut().chunks_exact_mut(self.shares.len()) {
+            frame.iter_mut().zip(self.shares).for_each(|(delta, share)| *delta *= *share);
+        }
         let mut numbers = deltas.to_numbers();
         if self.mirror {
             numbers.extend(self.body.mirror.fields(&deltas).to_numbers());
         }
         Ok(numbers)
     }
+}
+
+/// Rings of vertices round a still region over which deltas come back.
+const RAMP: usize = 3;
+
+/// Factor on each vertex's delta, `[V]`: 0 in the regions that stay still, which rises to 1 over a few rings of vertices
+/// round them. Soft regions are never held.
+fn moving_shares(body: &BodyModel, still: &[Region]) -> Vec<f32> {
+    let adjacency = Adjacency::new(&body.topology);
+    let regions = &body.regions.0;
+    let mut shares: Vec<f32> = regions.iter().map(|r| f32::from(u8::from(!still.contains(r)))).collect();
+    let mut ring: Vec<usize> = (0..shares.len()).filter(|v| shares[*v] == 0.0).collect();
+    let mut reached: Vec<bool> = shares.iter().map(|s| *s == 0.0).collect();
+    for step in 1..=RAMP {
+        let round: Vec<usize> =
+            ring.iter().flat_map(|v| adjacency.neighbours(*v)).map(|n| *n as usize).filter(|n| !reached[*n]).collect();
+        for v in &round {
+            reached[*v] = true;
+            if !regions[*v].is_soft() {
+                shares[*v] = step as f32 / (RAMP + 1) as f32;
+            }
+        }
+        ring = round;
+    }
+    shares
 }
 
 /// Learns the basis, or takes it from where an earlier attempt left it.
@@ -48,7 +78,8 @@ pub fn learn_basis(context: &Context, place: &Place, body: &BodyModel, fit: &Fit
     }
     let config = &context.config.subspace;
     let of = |id: &ClipId| Ok(fit.deltas(id)?.deltas);
-    let source = Deltas { of: &of, body, clips: &split.train, mirror: config.mirror };
+    let shares = moving_shares(body, &config.still);
+    let source = Deltas { of: &of, body, clips: &split.train, mirror: config.mirror, shares: &shares };
     let mut draws = Draws::new(context.config.seed, &place.stage("basis"), 0, 0);
     let pca = Pca::fit(&source, &config.pca, &mut draws, context.monitor)?;
     write(&pca, &place.fingerprint, &path)?;
@@ -67,7 +98,8 @@ pub fn count_components(
     let config = &context.config.subspace;
     let of_truth = |truth: &TruthSet| -> Result<u32> {
         let of = |id: &ClipId| Ok(truth.deltas(id)?.deltas);
-        let source = Deltas { of: &of, body, clips: &split.train, mirror: config.mirror };
+        let whole = vec![1.0; body.vertex_count()];
+        let source = Deltas { of: &of, body, clips: &split.train, mirror: config.mirror, shares: &whole };
         let mut draws = Draws::new(context.config.seed, "true components", 0, 0);
         Ok(count(&Pca::fit(&source, &config.pca, &mut draws, context.monitor)?))
     };
@@ -109,4 +141,34 @@ fn read(file: &TensorFile, width: usize) -> Result<Option<Pca>> {
 /// Coefficients `[T, K]` of a clip, mirrored if asked for.
 pub fn clip_coefficients(basis: &DeltaBasis, body: &BodyModel, deltas: &Frames, mirrored: bool) -> Vec<f32> {
     if mirrored { coefficients_of(basis, &body.mirror.fields(deltas)) } else { coefficients_of(basis, deltas) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use softtissue_body::procedural::{ProceduralConfig, generate};
+
+    #[test]
+    fn regions_without_flesh_are_still_and_soft_ones_move_whole() {
+        let body = generate(&ProceduralConfig::default()).unwrap().model;
+        let still = [Region::Head, Region::Hands, Region::Feet];
+        let shares = moving_shares(&body, &still);
+        let mut between = 0;
+        for (region, share) in body.regions.0.iter().zip(&shares) {
+            match region {
+                r if still.contains(r) => assert_eq!(*share, 0.0, "{r:?}"),
+                r if r.is_soft() => assert_eq!(*share, 1.0, "{r:?}"),
+                _ => between += usize::from(*share < 1.0),
+            }
+        }
+        assert!(between > 20, "{between} vertices between still and moving");
+        let adjacency = Adjacency::new(&body.topology);
+        let soft = |v: usize| body.regions.0[v].is_soft();
+        for v in (0..shares.len()).filter(|v| !soft(*v)) {
+            for n in adjacency.neighbours(v).iter().map(|n| *n as usize).filter(|n| !soft(*n)) {
+                assert!((shares[v] - shares[n]).abs() <= 0.2501, "{} beside {}", shares[v], shares[n]);
+            }
+        }
+        assert_eq!(moving_shares(&body, &[]), vec![1.0; body.vertex_count()]);
+    }
 }
