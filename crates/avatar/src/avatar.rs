@@ -9,7 +9,9 @@ use crate::{AvatarError, NetworkConfig, Result};
 use burn::tensor::{Device, Tensor};
 use glam::Vec3;
 use softtissue_body::{BodyModel, Region};
-use softtissue_implicit::{Atlas, HeightConfig, ObserverFrame, Observers, PointTree, SignedDistance, heights};
+use softtissue_implicit::{
+    Atlas, HeightConfig, Interpolation, ObserverFrame, Observers, PointTree, SignedDistance, heights,
+};
 use softtissue_model::host;
 use std::collections::VecDeque;
 
@@ -28,6 +30,8 @@ pub struct AvatarBody {
     /// How heights are read.
     pub heights: HeightConfig,
     ground: Ground,
+    /// Each observer's value by those of the others near it.
+    means: Interpolation,
     /// Whether an observer lies on face, hands or feet, `[M]`.
     still: Vec<bool>,
     /// One where it does, `[M, 1]`.
@@ -47,6 +51,7 @@ impl AvatarBody {
             true => Observers::all(count),
             false => Observers::spread(&body.template, count).map_err(data)?,
         };
+        let means = observers.means_of_others(&body.template, &body.topology);
         let atlas = Atlas::new(&body.topology, &body.uv, config.atlas).map_err(data)?;
         let spread = observers.vertices_from_observers(&body.template, &body.topology);
         let scatter = atlas.texels_from_vertices().after(&spread);
@@ -64,7 +69,7 @@ impl AvatarBody {
             gather: WeightedRows::new(&rows, &weights, width, device),
         };
         let (config, joints) = (config.clone(), body.joint_count());
-        Ok(Self::from_parts(config, observers, joints, HeightConfig::default(), ground, still, device))
+        Ok(Self::from_parts(config, observers, joints, HeightConfig::default(), ground, means, still, device))
     }
 
     pub(crate) fn from_parts(
@@ -73,17 +78,24 @@ impl AvatarBody {
         joints: usize,
         heights: HeightConfig,
         ground: Ground,
+        means: Interpolation,
         still: Vec<bool>,
         device: &Device,
     ) -> Self {
         let frozen = still.iter().map(|still| if *still { 1.0 } else { 0.0 }).collect();
         let frozen = tensor(frozen, [still.len(), 1], device);
-        Self { config, observers, joints, heights, ground, still, frozen }
+        Self { config, observers, joints, heights, ground, means, still, frozen }
     }
 
     /// Observers that lie on neither face, hands nor feet.
     pub fn moving(&self) -> Vec<usize> {
         (0..self.still.len()).filter(|i| !self.still[*i]).collect()
+    }
+
+    /// Heights, `[M]`, that are not `known` closed smoothly from those round them: a hole of a scan, or where skin touches
+    /// skin and no surface is met.
+    pub(crate) fn close(&self, heights: &mut [f32], known: &[bool]) {
+        Observers::fill(&self.means, heights, known);
     }
 
     /// What the prediction of frame `t` sees: poses up to it, and the heights of the frames before, the newest last.
@@ -98,8 +110,11 @@ impl AvatarBody {
         let back = |count: usize| (0..count).map(move |i| (t + 1 + i) as isize - count as isize);
         let seen = if conditioning == Conditioning::PoseTcn { self.config.tcn_frames } else { 1 };
         let differences = conditioning.sees_differences().then(|| track.differences(back(history)));
+        let carried = self.config.carried;
+        let newest = heights.last().filter(|_| conditioning.sees_heights() && carried > 0.0);
         FrameInput {
             heights: if conditioning.sees_heights() { height_features(heights) } else { Vec::new() },
+            carried: newest.map_or_else(Vec::new, |h| h.iter().map(|h| carried * h).collect()),
             poses: track.poses(back(seen)),
             differences: differences.unwrap_or_default(),
         }
@@ -118,7 +133,7 @@ impl AvatarBody {
         Queries::new(points, &near.indices, observers, self.config.encoding(), gradients, device)
     }
 
-    /// Dynamic features `[M, latents]`.
+    /// Dynamic features and offsets, `[M, latents + 1]`.
     pub(crate) fn features(&self, network: &AvatarNetwork, input: &FrameInput) -> Tensor<2> {
         network.features(input, &self.ground)
     }
@@ -134,7 +149,7 @@ pub struct AvatarField<'a> {
 }
 
 impl<'a> AvatarField<'a> {
-    /// The field of dynamic features `[M, latents]`, which are without autodiff as the network is.
+    /// The field of dynamic features and offsets, `[M, latents + 1]`, which are without autodiff as the network is.
     pub fn new(
         body: &'a AvatarBody,
         network: &'a AvatarNetwork,
@@ -151,7 +166,11 @@ impl<'a> AvatarField<'a> {
 
     /// Its signed heights over the observers, `[M]`, metres: the state that the next frame is predicted from.
     pub fn heights(&self) -> Vec<f32> {
-        heights(self, &self.observers.positions, &self.observers.normals, &self.body.heights)
+        let config = &self.body.heights;
+        let mut found = heights(self, &self.observers.positions, &self.observers.normals, config);
+        let met: Vec<bool> = found.iter().map(|h| *h > config.lowest).collect();
+        self.body.close(&mut found, &met);
+        found
     }
 
     /// Values and gradients at a few points.

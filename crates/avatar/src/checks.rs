@@ -11,7 +11,7 @@ use burn::tensor::{Device, Tensor};
 use glam::Vec3;
 use softtissue_clips::{ClipId, MotionClip, RawFrame};
 use softtissue_geometry::Frames;
-use softtissue_implicit::{HeightConfig, ObserverFrame, Observers, RawSurface, RawSurfaceConfig};
+use softtissue_implicit::{HeightConfig, Interpolation, ObserverFrame, Observers, RawSurface, RawSurfaceConfig};
 use softtissue_random::Draws;
 use softtissue_train::{GradientMap, State, load_module, module_gradients, module_state};
 
@@ -82,7 +82,17 @@ pub fn ball(device: &Device) -> AvatarBody {
         scatter: once.clone(),
         gather: once,
     };
-    AvatarBody::from_parts(config, Observers::all(64), 3, HeightConfig::default(), ground, vec![false; 64], device)
+    let means = Interpolation::from_rows(64, (0..64).map(|i| vec![((i + 1) % 64, 1.0)]).collect());
+    AvatarBody::from_parts(
+        config,
+        Observers::all(64),
+        3,
+        HeightConfig::default(),
+        ground,
+        means,
+        vec![false; 64],
+        device,
+    )
 }
 
 /// A scan of the ball with a radius that goes up and down by a centimetre, slower than its pose can tell.

@@ -5,7 +5,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use softtissue_body::{BodyModel, Pose, ShapedBody};
 use softtissue_clips::{ClipId, MotionClip, RawFrame, RawScans};
-use softtissue_implicit::{ObserverFrame, PointTree, RawSurface, RawSurfaceConfig};
+use softtissue_implicit::{ObserverFrame, PointTree, RawSurface, RawSurfaceConfig, ScanHeights};
 use softtissue_monitor::Monitor;
 use softtissue_random::Draws;
 use std::ops::Range;
@@ -125,7 +125,8 @@ impl Scan {
         let data = |e: softtissue_implicit::ImplicitError| AvatarError::Data(format!("{id}, frame {t}: {e}"));
         let near = near(raw, observers, request.outlier);
         let whole = RawSurface::new(&near, &config).map_err(data)?;
-        let heights = whole.heights(observers, &avatar.heights).values;
+        let ScanHeights { values: mut heights, known } = whole.heights(observers, &avatar.heights);
+        avatar.close(&mut heights, &known);
         let mut draws = Draws::new(request.seed, &format!("autoavatar/scan/{id}"), 0, t as u64);
         let mut chosen = draws.permutation(near.points.len());
         chosen.truncate(request.kept_points);

@@ -61,7 +61,13 @@ pub struct NetworkConfig {
     pub latents: usize,
     /// Width of the decoder. Default 32; the paper's 128.
     pub decoder: usize,
-    /// Nearest observers of a query point. Default 8; the paper's 20; 1 is the closest-point decoder that it argues
+    /// Width of the layer that moves each observer's plane along its normal, by its dynamic features and its own heights,
+    /// before the decoder bends the surface; 0 leaves it out. Default 32; the paper has none.
+    pub offsets: usize,
+    /// Part of the newest heights that the next surface starts from where heights are seen, 0 to 1. Default 1; the paper's
+    /// 0, from which a network has to learn first that a surface stays where it is.
+    pub carried: f32,
+    /// Nearest observers of a query point. Default 6; the paper's 20; 1 is the closest-point decoder that it argues
     /// against.
     pub neighbours: usize,
     /// Frequencies of the Fourier features of distance and cosine. Default 4, as published.
@@ -94,15 +100,15 @@ pub struct LossWeights {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TeacherConfig {
-    /// Steps of a whole training. Default 3000; the paper's 90000.
+    /// Steps of a whole training. Default 4000; the paper's 90000.
     pub steps: u64,
     /// Learning rate at the start; falls to zero by a cosine. Default 3e-3; the paper's 1e-4.
     pub learning_rate: f64,
     /// Points on the scan, for the surface and the normal term. Default 500; the paper's 10000.
     pub surface: usize,
-    /// Points near the scan, for the eikonal term. Default 400; the paper's 10000.
+    /// Points near the scan, for the eikonal term. Default 200; the paper's 10000.
     pub near: usize,
-    /// Points in the box round the scan, for the eikonal and the off-surface term. Default 200; the paper's 2000.
+    /// Points in the box round the scan, for the eikonal and the off-surface term. Default 100; the paper's 2000.
     pub within: usize,
 }
 
@@ -110,11 +116,11 @@ pub struct TeacherConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RolloutConfig {
-    /// Steps of a whole training. Default 300; the paper's 7500.
+    /// Steps of a whole training. Default 500; the paper's 7500.
     pub steps: u64,
-    /// Frames of a rollout, 1 to 8. Default 2, as published.
+    /// Frames of a rollout, 1 to 8. Default 4, which holds drift back within a few hundred steps; the paper's 2.
     pub frames: usize,
-    /// Learning rate at the start; falls to zero by a cosine. Default 1e-4; the paper's 1e-5.
+    /// Learning rate at the start; falls to zero by a cosine. Default 5e-4; the paper's 1e-5.
     pub learning_rate: f64,
     /// Points on the scan. Default 300; the paper's 1000.
     pub surface: usize,
@@ -198,7 +204,9 @@ impl Default for NetworkConfig {
             channels: vec![16, 24, 32],
             latents: 16,
             decoder: 32,
-            neighbours: 8,
+            offsets: 32,
+            carried: 1.0,
+            neighbours: 6,
             frequencies: 4,
             softening: 0.005,
             frozen: true,
@@ -214,13 +222,13 @@ impl Default for LossWeights {
 
 impl Default for TeacherConfig {
     fn default() -> Self {
-        Self { steps: 3000, learning_rate: 3e-3, surface: 500, near: 400, within: 200 }
+        Self { steps: 4000, learning_rate: 3e-3, surface: 500, near: 200, within: 100 }
     }
 }
 
 impl Default for RolloutConfig {
     fn default() -> Self {
-        Self { steps: 300, frames: 2, learning_rate: 1e-4, surface: 300, near: 250, within: 150 }
+        Self { steps: 500, frames: 4, learning_rate: 5e-4, surface: 300, near: 250, within: 150 }
     }
 }
 
@@ -274,6 +282,12 @@ impl NetworkConfig {
             return Err(AvatarError::Config(format!(
                 "autoavatar.network.tcn_frames is {}; write a power of two from 2 to 256",
                 self.tcn_frames
+            )));
+        }
+        if self.offsets > 4096 || !(0.0..=1.0).contains(&self.carried) {
+            return Err(AvatarError::Config(format!(
+                "autoavatar.network.offsets is {} and carried {}; write a number up to 4096 and one from 0 to 1",
+                self.offsets, self.carried
             )));
         }
         if !(self.softening > 0.0 && self.softening <= 0.1) {

@@ -24,8 +24,8 @@ pub struct FieldValues {
 /// From the dynamic features of a query point's nearest vertices to a signed distance (sec. 3.3).
 ///
 /// The paper's form, but that its network predicts what is left of the weighted distance from the neighbours' tangent
-/// planes: `f = sum_i w_i n_i.(q - v_i) + g`, with the pooling's own weights. The last layer starts as zero, so that the
-/// untrained field is the posed body's surface.
+/// planes, each moved outwards by the observer's offset: `f = sum_i w_i (n_i.(q - v_i) - o_i) + g`, with the pooling's own
+/// weights. The last layer starts as zero, so that the untrained field is the surface that the offsets give.
 ///
 /// The gradient by the query point is carried forward beside the values, by first-order operations alone, so that
 /// autodiff needs to differentiate once. A neighbour's part depends on the point through distance and cosine alone:
@@ -67,11 +67,15 @@ impl Decoder {
         }
     }
 
-    /// The field at `queries`, whose rows are those of `features [M, latents]`.
+    /// The field at `queries`, whose rows are those of `features [M, latents + 1]`: the last is how far each observer's
+    /// plane is moved outwards, metres.
     pub fn forward(&self, features: Tensor<2>, queries: &Queries) -> FieldValues {
         let [n, k] = queries.shape;
         let width = self.second.weight.dims()[0];
-        let code = self.code.forward(features).select(0, queries.rows.clone());
+        let latents = self.code.weight.dims()[0];
+        let offsets = features.clone().narrow(1, latents, 1).select(0, queries.rows.clone()).reshape([n, k, 1]);
+        let planes = queries.planes.clone() - offsets;
+        let code = self.code.forward(features.narrow(1, 0, latents)).select(0, queries.rows.clone());
         let first = code + self.place.forward(queries.encoded.clone());
         let second = self.second.forward(softplus(first.clone(), BETA));
         let third = self.third.forward(softplus(second.clone(), BETA)).reshape([n, k, width + 1]);
@@ -83,8 +87,8 @@ impl Decoder {
         let fourth = self.fourth.forward(pooled);
         let fifth = self.fifth.forward(softplus(fourth.clone(), BETA));
         let rest = self.last.forward(softplus(fifth.clone(), BETA));
-        let plane = (weights.clone() * queries.planes.clone()).sum_dim(1).reshape([n, 1]);
-        let gradient = self.gradient(queries, [first, second], numbers, weights, [fourth, fifth]);
+        let plane = (weights.clone() * planes.clone()).sum_dim(1).reshape([n, 1]);
+        let gradient = self.gradient(queries, planes, [first, second], numbers, weights, [fourth, fifth]);
         FieldValues { distance: plane + rest, gradient }
     }
 
@@ -93,6 +97,7 @@ impl Decoder {
     fn gradient(
         &self,
         queries: &Queries,
+        planes: Tensor<3>,
         neighbours: [Tensor<2>; 2],
         numbers: Tensor<3>,
         weights: Tensor<3>,
@@ -129,7 +134,7 @@ impl Decoder {
             x = (slope(layer, x).reshape([n, 3, width]) * derivative).reshape([3 * n, width]);
         }
         let rest = slope(&self.last, x).reshape([n, 3]);
-        let planes = (weight_rates * queries.planes.clone() + weights * tangents.normals.clone()).sum_dim(1);
+        let planes = (weight_rates * planes + weights * tangents.normals.clone()).sum_dim(1);
         Some(rest + planes.reshape([n, 3]))
     }
 }
@@ -158,7 +163,7 @@ mod tests {
 
     fn features(device: &Device) -> Tensor<2> {
         let mut draws = Draws::new(4, "features", 0, 0);
-        tensor((0..30 * 3).map(|_| 0.5 * draws.normal() as f32).collect(), [30, 3], device)
+        tensor((0..30 * 4).map(|i| [0.5, 0.5, 0.5, 0.01][i % 4] * draws.normal() as f32).collect(), [30, 4], device)
     }
 
     fn decoder(device: &Device) -> Decoder {
@@ -219,8 +224,9 @@ mod tests {
         let near: Vec<Vec3> = observers.normals.iter().map(|n| 0.25 * *n).collect();
         let rows: Vec<u32> = (0..30).collect();
         let queries = Queries::new(&near, &rows, &observers, ENCODING, true, &device);
-        let found = decoder.forward(features(&device), &queries);
-        assert!(host(found.distance).iter().all(|f| (f - 0.05).abs() < 1e-6));
+        let features = tensor((0..30 * 4).map(|i| [0.3, -0.2, 0.1, 0.02][i % 4]).collect(), [30, 4], &device);
+        let found = decoder.forward(features, &queries);
+        assert!(host(found.distance).iter().all(|f| (f - 0.03).abs() < 1e-6));
         let gradients = host(found.gradient.expect("asked for"));
         let wanted = observers.normals.iter().flat_map(|n| n.to_array());
         assert!(gradients.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-6));

@@ -13,6 +13,9 @@ const BETA: f32 = 0.25;
 /// What differences of poses are multiplied by: between two frames they are a few hundredths. The paper has no such
 /// factor and a hundred thousand steps.
 const DIFFERENCE_SCALE: f32 = 10.0;
+/// What changes of these differences are multiplied by: an acceleration of 1 g moves the root by 3 mm more in a frame than
+/// in the one before, which is what shakes flesh, and would be a hundredth of the numbers round it.
+const CHANGE_SCALE: f32 = 10.0;
 /// Numbers of a quaternion.
 pub const QUATERNION: usize = 4;
 /// Numbers of the root's motion between two frames: a quaternion and a translation.
@@ -82,7 +85,8 @@ impl PoseTrack {
 
     /// How poses changed since the frame before (eq. 1), `p_t p_{t-1}^-1` less the identity: of the joints below the
     /// root `[J - 1, frames, 4]`, and of the root `[frames, 7]`, its translation in its own frame. Before the first frame
-    /// the body is taken to have stood still.
+    /// the body is taken to have stood still. Of all frames but the last it is the change to the next frame's difference
+    /// that is given.
     pub fn differences(&self, frames: impl Iterator<Item = isize> + Clone) -> (Vec<f32>, Vec<f32>) {
         let of = |t: isize, j: usize| -> [f32; QUATERNION] {
             if t <= 0 {
@@ -105,9 +109,18 @@ impl PoseTrack {
             };
             of(t, 0).into_iter().chain(moved.to_array())
         };
-        let roots = frames.clone().flat_map(root).collect();
-        ((1..self.joints).flat_map(|j| frames.clone().flat_map(move |t| of(t, j))).collect(), roots)
+        let roots = with_changes(frames.clone().flat_map(root).collect(), ROOT);
+        let joint = |j| with_changes(frames.clone().flat_map(|t| of(t, j)).collect(), QUATERNION);
+        ((1..self.joints).flat_map(joint).collect(), roots)
     }
+}
+
+/// Rows of `width` numbers, each but the last replaced by how much the next is more.
+fn with_changes(mut rows: Vec<f32>, width: usize) -> Vec<f32> {
+    for i in 0..rows.len().saturating_sub(width) {
+        rows[i] = CHANGE_SCALE * (rows[i + width] - rows[i]);
+    }
+    rows
 }
 
 /// How much each joint below the root means to each vertex (eq. 2), `[M, J - 1]`: `(W w_i)_j`, where `W` joins every
@@ -165,13 +178,14 @@ mod tests {
     fn differences_are_turns_since_the_frame_before() {
         let track = turning();
         let (joints, root) = track.differences([0isize, 1].into_iter());
-        assert_eq!(joints[..4], [0.0; 4]);
         let half = 0.1f32;
         let wanted = [half.sin(), 0.0, 0.0, half.cos() - 1.0].map(|x| 10.0 * x);
         assert!(joints[4..].iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-5), "{joints:?}");
+        // there was no difference before, so that all of it is the change
+        assert!(joints[..4].iter().zip(wanted).all(|(a, b)| (a - 10.0 * b).abs() < 1e-4), "{joints:?}");
         assert_eq!(root.len(), 2 * ROOT);
         // the translation is seen from the frame before, which looked along +Z
-        assert!((root[13] - 1.0).abs() < 1e-6, "{root:?}");
+        assert!((root[13] - 1.0).abs() < 1e-6 && (root[6] - 10.0).abs() < 1e-5, "{root:?}");
     }
 
     #[test]

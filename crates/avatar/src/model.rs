@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// First word of the manifest.
 const FORMAT: &str = "softtissue-avatar";
 /// Version of the form.
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 const MANIFEST: &str = "manifest.json";
 const BODY: &str = "body.safetensors";
 
@@ -162,7 +162,8 @@ impl AvatarModel {
         for (conditioning, validation_mm) in form.networks {
             let state = read_state(&dir.join(weights(conditioning)))?;
             let mut draws = Draws::new(0, "autoavatar", 0, 0);
-            let network = AvatarNetwork::new(&form.network, conditioning, body.joint_count(), &mut draws, device);
+            let (joints, observers) = (body.joint_count(), form.network.observers.min(body.vertex_count()));
+            let network = AvatarNetwork::new(&form.network, conditioning, joints, observers, &mut draws, device);
             let network = load_module(network, &state).map_err(|e| refused(dir, e))?.no_grad();
             networks.push(LearnedNetwork { conditioning, network, validation_mm });
         }

@@ -2,7 +2,7 @@ use crate::NetworkConfig;
 use crate::config::Conditioning;
 use crate::decoder::{Decoder, FieldValues};
 use crate::features::{QUATERNION, ROOT};
-use crate::layer::{SLOPE, linear, tensor, uniform, zeros};
+use crate::layer::{SLOPE, linear, tensor, uniform, zero_linear, zeros};
 use crate::queries::{Encoding, Queries};
 use crate::rows::WeightedRows;
 use crate::unet::UNet;
@@ -12,11 +12,16 @@ use burn::tensor::activation::leaky_relu;
 use burn::tensor::{Device, Tensor};
 use softtissue_random::Draws;
 
+/// Centimetres of a metre.
+const CENTIMETRES: f64 = 100.0;
+
 /// What one prediction sees, on the host.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameInput {
     /// Height features `[M, history]`; empty where the network sees none.
     pub heights: Vec<f32>,
+    /// The part of the newest heights that the next surface starts from, `[M]`, metres; empty where it is none.
+    pub carried: Vec<f32>,
     /// Quaternions of the joints below the root, `[J - 1, frames, 4]`.
     pub poses: Vec<f32>,
     /// Their differences, `[J - 1, history, 4]`, and the root's, `[history, 7]`; empty where the network sees none.
@@ -62,6 +67,24 @@ impl JointLayer {
     }
 }
 
+/// How far each observer's plane is moved along its normal, beside what is carried over: at rest, and by its dynamic
+/// features and its own heights.
+#[derive(Module, Debug)]
+struct Offsets {
+    /// `[M, 1]`, centimetres.
+    rest: Param<Tensor<2>>,
+    first: Linear,
+    last: Linear,
+}
+
+impl Offsets {
+    /// `[M, inputs]` to `[M, 1]`, metres.
+    fn forward(&self, x: Tensor<2>) -> Tensor<2> {
+        let moved = self.last.forward(leaky_relu(self.first.forward(x), SLOPE));
+        (moved + self.rest.val()).div_scalar(CENTIMETRES)
+    }
+}
+
 /// From the history of poses and heights to dynamic features, and from these to signed distances (figs. 2 and 3).
 #[derive(Module, Debug)]
 pub struct AvatarNetwork {
@@ -72,15 +95,17 @@ pub struct AvatarNetwork {
     /// them.
     temporal: Vec<Linear>,
     unet: UNet,
+    offsets: Option<Offsets>,
     decoder: Decoder,
 }
 
 impl AvatarNetwork {
-    /// An untrained network for a body of `joints` joints.
+    /// An untrained network for a body of `joints` joints with `observers` observers.
     pub(crate) fn new(
         config: &NetworkConfig,
         conditioning: Conditioning,
         joints: usize,
+        observers: usize,
         draws: &mut Draws,
         device: &Device,
     ) -> Self {
@@ -92,9 +117,13 @@ impl AvatarNetwork {
         let root = sees_differences.then(|| linear(history * ROOT, channels, draws, device));
         let halvings = if conditioning == Conditioning::PoseTcn { config.tcn_frames.ilog2() } else { 0 };
         let temporal = (0..halvings).map(|_| linear(2 * channels, channels, draws, device)).collect();
-        let inputs = channels
-            + if sees_differences { channels } else { 0 }
-            + if conditioning.sees_heights() { history } else { 0 };
+        let heights = if conditioning.sees_heights() { history } else { 0 };
+        let inputs = channels + if sees_differences { channels } else { 0 } + heights;
+        let offsets = (config.offsets > 0).then(|| Offsets {
+            rest: zeros([observers, 1], device),
+            first: linear(config.latents + heights, config.offsets, draws, device),
+            last: zero_linear(config.offsets, 1, device),
+        });
         let encoding = config.encoding();
         Self {
             pose,
@@ -102,11 +131,13 @@ impl AvatarNetwork {
             root,
             temporal,
             unet: UNet::new(inputs, config.latents, &config.channels, config.atlas, draws, device),
+            offsets,
             decoder: Decoder::new(config.latents, config.decoder, encoding, draws, device),
         }
     }
 
-    /// Dynamic features `[M, latents]` of the frame that `input` leads to.
+    /// Dynamic features of the frame that `input` leads to, and how far each observer's plane is moved outwards, metres:
+    /// `[M, latents + 1]`.
     pub(crate) fn features(&self, input: &FrameInput, ground: &Ground) -> Tensor<2> {
         let device = ground.localisation.device();
         let [observers, _] = ground.localisation.dims();
@@ -116,16 +147,26 @@ impl AvatarNetwork {
             let root_rates = tensor(root_rates.clone(), [1, root_rates.len()], &device);
             parts.push(layer.forward(joint_rates, 1, &ground.localisation) + root.forward(root_rates));
         }
-        if !input.heights.is_empty() {
+        let own = (!input.heights.is_empty()).then(|| {
             let width = input.heights.len() / observers;
-            parts.push(tensor(input.heights.clone(), [observers, width], &device));
-        }
+            tensor(input.heights.clone(), [observers, width], &device)
+        });
+        parts.extend(own.clone());
         let texels = ground.scatter.apply(Tensor::cat(parts, 1));
         let [count, channels] = texels.dims();
         let side = count.isqrt();
         let atlas = self.unet.forward(texels.swap_dims(0, 1).reshape([1, channels, side, side]));
         let outputs = atlas.dims()[1];
-        ground.gather.apply(atlas.reshape([outputs, count]).swap_dims(0, 1))
+        let latents = ground.gather.apply(atlas.reshape([outputs, count]).swap_dims(0, 1));
+        let mut offsets = match input.carried.is_empty() {
+            true => Tensor::zeros([observers, 1], &device),
+            false => tensor(input.carried.clone(), [observers, 1], &device),
+        };
+        if let Some(layer) = &self.offsets {
+            let seen = [latents.clone()].into_iter().chain(own).collect();
+            offsets = offsets + layer.forward(Tensor::cat(seen, 1));
+        }
+        Tensor::cat(vec![latents, offsets], 1)
     }
 
     fn poses(&self, poses: &[f32], ground: &Ground) -> Tensor<2> {
@@ -185,6 +226,25 @@ mod tests {
     }
 
     #[test]
+    fn an_untrained_surface_starts_where_the_last_one_was() {
+        let device = Device::flex();
+        let body = ball(&device);
+        let clip = crate::checks::breathing(4, 0.3);
+        let started = |conditioning| {
+            let mut draws = Draws::new(1, "network", 0, 0);
+            let network = AvatarNetwork::new(&body.config, conditioning, 3, 64, &mut draws, &device);
+            let mut play = crate::Playback::new(&body, &network, conditioning, &clip.heights[..3]).expect("a history");
+            play.step(&clip.track, 3, &clip.observers[3]).heights()
+        };
+        let last = clip.heights[2][0];
+        assert!(last > 0.015 && (last - clip.heights[1][0]).abs() > 1e-3, "{last}");
+        let close =
+            |heights: Vec<f32>, wanted: f32| assert!(heights.iter().all(|h| (h - wanted).abs() < 2e-4), "{heights:?}");
+        close(started(Conditioning::Autoregressive), last);
+        close(started(Conditioning::PoseDifferences), 0.0);
+    }
+
+    #[test]
     fn every_conditioning_learns_with_every_parameter() {
         let device = Device::flex();
         let body = ball(&device);
@@ -192,7 +252,7 @@ mod tests {
             [Conditioning::Autoregressive, Conditioning::Pose, Conditioning::PoseTcn, Conditioning::PoseDifferences]
         {
             let mut draws = Draws::new(1, "network", 0, 0);
-            let network = AvatarNetwork::new(&body.config, conditioning, 3, &mut draws, &device.clone().autodiff());
+            let network = AvatarNetwork::new(&body.config, conditioning, 3, 64, &mut draws, &device.clone().autodiff());
             let network = shaken(network, 0.3, 9);
             let mut input = input(conditioning);
             // a body that stands still has no differences to learn from
@@ -204,7 +264,9 @@ mod tests {
             let queries = body.queries(&points, &tree, &clip.observers[0], true, &device);
             let loss = |network: &AvatarNetwork| {
                 let field = network.field(body.features(network, &input), &queries);
-                field.distance.square().mean() + field.gradient.expect("asked for").square().mean()
+                // in centimetres, in which offsets are
+                let distance = field.distance.mul_scalar(CENTIMETRES);
+                distance.square().mean() + field.gradient.expect("asked for").square().mean()
             };
             check_gradients(&network, loss, 2e-3, 0.08);
         }

@@ -87,7 +87,8 @@ impl AvatarTrainee {
     /// The network of a stage that has yet to begin, on the stage's device with autodiff.
     pub fn untrained(body: &AvatarBody, conditioning: Conditioning, stage: &Stage) -> AvatarNetwork {
         let mut draws = Draws::new(stage.seed, &format!("{}/start", stage.name), 0, 0);
-        AvatarNetwork::new(&body.config, conditioning, body.joints, &mut draws, &stage.device.clone().autodiff())
+        let device = stage.device.clone().autodiff();
+        AvatarNetwork::new(&body.config, conditioning, body.joints, body.observers.len(), &mut draws, &device)
     }
 
     /// The loss of one predicted frame, and its dynamic features.

@@ -14,7 +14,7 @@ pub struct Interpolation {
 
 impl Interpolation {
     /// From rows of (source, weight), padded to the widest with weights of zero. Sources named twice are joined.
-    pub(crate) fn from_rows(sources: usize, mut rows: Vec<Vec<(u32, f32)>>) -> Self {
+    pub fn from_rows(sources: usize, mut rows: Vec<Vec<(u32, f32)>>) -> Self {
         for row in &mut rows {
             row.sort_by_key(|(source, _)| *source);
             row.dedup_by(|next, kept| {
