@@ -9,9 +9,7 @@ use crate::{AvatarError, NetworkConfig, Result};
 use burn::tensor::{Device, Tensor};
 use glam::Vec3;
 use softtissue_body::{BodyModel, Region};
-use softtissue_implicit::{
-    Atlas, HeightConfig, Interpolation, ObserverFrame, Observers, PointTree, SignedDistance, heights,
-};
+use softtissue_implicit::{Atlas, HeightConfig, ObserverFrame, Observers, PointTree, SignedDistance, heights};
 use softtissue_model::host;
 use std::collections::VecDeque;
 
@@ -30,8 +28,6 @@ pub struct AvatarBody {
     /// How heights are read.
     pub heights: HeightConfig,
     ground: Ground,
-    /// Each observer's value by those of the others near it.
-    means: Interpolation,
     /// Whether an observer lies on face, hands or feet, `[M]`.
     still: Vec<bool>,
     /// One where it does, `[M, 1]`.
@@ -51,7 +47,6 @@ impl AvatarBody {
             true => Observers::all(count),
             false => Observers::spread(&body.template, count).map_err(data)?,
         };
-        let means = observers.means_of_others(&body.template, &body.topology);
         let atlas = Atlas::new(&body.topology, &body.uv, config.atlas).map_err(data)?;
         let spread = observers.vertices_from_observers(&body.template, &body.topology);
         let scatter = atlas.texels_from_vertices().after(&spread);
@@ -67,9 +62,10 @@ impl AvatarBody {
             localisation: tensor(local, [count, body.joint_count() - 1], device),
             scatter: WeightedRows::new(scatter.indices(), scatter.weights(), scatter.width(), device),
             gather: WeightedRows::new(&rows, &weights, width, device),
+            means: observers.means_of_others(&body.template, &body.topology),
         };
         let (config, joints) = (config.clone(), body.joint_count());
-        Ok(Self::from_parts(config, observers, joints, HeightConfig::default(), ground, means, still, device))
+        Ok(Self::from_parts(config, observers, joints, HeightConfig::default(), ground, still, device))
     }
 
     pub(crate) fn from_parts(
@@ -78,13 +74,12 @@ impl AvatarBody {
         joints: usize,
         heights: HeightConfig,
         ground: Ground,
-        means: Interpolation,
         still: Vec<bool>,
         device: &Device,
     ) -> Self {
         let frozen = still.iter().map(|still| if *still { 1.0 } else { 0.0 }).collect();
         let frozen = tensor(frozen, [still.len(), 1], device);
-        Self { config, observers, joints, heights, ground, means, still, frozen }
+        Self { config, observers, joints, heights, ground, still, frozen }
     }
 
     /// Observers that lie on neither face, hands nor feet.
@@ -95,7 +90,7 @@ impl AvatarBody {
     /// Heights, `[M]`, that are not `known` closed smoothly from those round them: a hole of a scan, or where skin touches
     /// skin and no surface is met.
     pub(crate) fn close(&self, heights: &mut [f32], known: &[bool]) {
-        Observers::fill(&self.means, heights, known);
+        Observers::fill(&self.ground.means, heights, known);
     }
 
     /// What the prediction of frame `t` sees: poses up to it, and the heights of the frames before, the newest last.

@@ -81,18 +81,9 @@ pub fn ball(device: &Device) -> AvatarBody {
         localisation: crate::layer::tensor(vec![0.5; 64 * 2], [64, 2], device),
         scatter: once.clone(),
         gather: once,
+        means: Interpolation::from_rows(64, (0..64).map(|i| vec![((i + 1) % 64, 1.0)]).collect()),
     };
-    let means = Interpolation::from_rows(64, (0..64).map(|i| vec![((i + 1) % 64, 1.0)]).collect());
-    AvatarBody::from_parts(
-        config,
-        Observers::all(64),
-        3,
-        HeightConfig::default(),
-        ground,
-        means,
-        vec![false; 64],
-        device,
-    )
+    AvatarBody::from_parts(config, Observers::all(64), 3, HeightConfig::default(), ground, vec![false; 64], device)
 }
 
 /// A scan of the ball with a radius that goes up and down by a centimetre, slower than its pose can tell.

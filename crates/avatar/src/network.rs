@@ -10,6 +10,7 @@ use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::activation::leaky_relu;
 use burn::tensor::{Device, Tensor};
+use softtissue_implicit::Interpolation;
 use softtissue_random::Draws;
 
 /// Centimetres of a metre.
@@ -37,6 +38,8 @@ pub struct Ground {
     pub scatter: WeightedRows,
     /// From texels to observers, `[M]` rows.
     pub gather: WeightedRows,
+    /// Each observer's value by those of the others near it, `[M]` rows.
+    pub means: Interpolation,
 }
 
 /// A weight matrix for each joint: joined with the localisation it is the 1 x 1 convolution of localised poses
