@@ -5,9 +5,6 @@ use softtissue_geometry::{Adjacency, Topology, vertex_normals};
 
 /// Observers that a vertex draws from.
 const NEAREST: usize = 8;
-/// Times that unknown values are replaced by means, at most, and the change at which that ends, metres.
-const SWEEPS: usize = 500;
-const ENOUGH: f32 = 1e-6;
 
 /// Articulated observer points (AutoAvatar, sec. 3.1): chosen vertices of the body, which are where the posed body has
 /// them.
@@ -85,23 +82,11 @@ impl Observers {
     /// its value; any other vertex takes a mean of the eight observers that are nearest along the edges of the rest mesh,
     /// so that nothing passes from arm to trunk, by positive weights that reproduce what is linear in its tangent plane.
     pub fn vertices_from_observers(&self, rest: &[Vec3], topology: &Topology) -> Interpolation {
-        let all: Vec<u32> = (0..self.vertex_count as u32).collect();
-        self.means(rest, topology, &all, true)
-    }
-
-    /// What each observer's value would be by the eight others nearest to it, in the same way: `N` rows of `N` sources, for
-    /// [`Self::fill`].
-    pub fn means_of_others(&self, rest: &[Vec3], topology: &Topology) -> Interpolation {
-        self.means(rest, topology, &self.vertices, false)
-    }
-
-    fn means(&self, rest: &[Vec3], topology: &Topology, at: &[u32], keep: bool) -> Interpolation {
         let adjacency = Adjacency::new(topology);
         let normals = vertex_normals(rest, &topology.faces);
         let mut walk = Walk::new(rest, &adjacency, &self.vertices);
-        let row = |v: &u32| {
-            let v = *v as usize;
-            if let Some(own) = walk.observer(v).filter(|_| keep) {
+        let row = |v: usize| {
+            if let Some(own) = walk.observer(v) {
                 return vec![(own, 1.0)];
             }
             let near = walk.nearest(v, NEAREST);
@@ -109,32 +94,6 @@ impl Observers {
             let weights = weights(&in_plane(rest[v], normals[v], others));
             near.into_iter().zip(weights).collect()
         };
-        Interpolation::from_rows(self.len(), at.iter().map(row).collect())
-    }
-
-    /// Fills in values, `[N]`, that are not `known`, by the `means` that [`Self::means_of_others`] gives: each becomes the
-    /// mean of those round it, so that a hole of a scan closes smoothly from its border. If none is known nothing changes.
-    pub fn fill(means: &Interpolation, values: &mut [f32], known: &[bool]) {
-        assert!(values.len() == means.rows() && known.len() == values.len(), "values of the observers");
-        let count = known.iter().filter(|k| **k).count();
-        if count == 0 {
-            return;
-        }
-        let all = values.iter().zip(known).filter(|(_, k)| **k).map(|(x, _)| *x);
-        let start = all.sum::<f32>() / count as f32;
-        let unknown: Vec<usize> = (0..values.len()).filter(|i| !known[*i]).collect();
-        unknown.iter().for_each(|i| values[*i] = start);
-        for _ in 0..SWEEPS {
-            let mut change = 0.0f32;
-            for &i in &unknown {
-                // a piece of the body with one observer has no others
-                let mean: f32 = means.row(i).map(|(j, w)| w * values[j as usize]).sum();
-                change = change.max((mean - values[i]).abs());
-                values[i] = mean;
-            }
-            if change < ENOUGH {
-                break;
-            }
-        }
+        Interpolation::from_rows(self.len(), (0..self.vertex_count).map(row).collect())
     }
 }

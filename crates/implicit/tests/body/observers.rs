@@ -64,22 +64,3 @@ fn vertices_draw_from_their_own_limb() {
         assert!((side - p.x.signum()).abs() < 1e-5, "{side} at {p}");
     }
 }
-
-/// What is known stays, and a hole of the scan closes smoothly from its border.
-#[test]
-fn holes_are_filled_from_their_border() {
-    let (rest, topology) = (&body().template, &body().topology);
-    let observers = Observers::spread(rest, 600).unwrap();
-    let at = observers.pick(rest);
-    let means = observers.means_of_others(rest, topology);
-    let smooth: Vec<f32> = at.iter().map(|p| 0.02 * (5.0 * p.y).sin()).collect();
-    let middle = at.iter().copied().min_by(|a, b| (a.z - 0.1 * a.y).total_cmp(&(b.z - 0.1 * b.y))).unwrap();
-    let known: Vec<bool> = at.iter().map(|p| p.distance(middle) > 0.1).collect();
-    assert!(known.iter().filter(|k| !**k).count() > 5);
-    let mut values: Vec<f32> = smooth.iter().zip(&known).map(|(x, k)| if *k { *x } else { -0.02 }).collect();
-    Observers::fill(&means, &mut values, &known);
-    for (i, known) in known.iter().enumerate() {
-        let error = (values[i] - smooth[i]).abs();
-        assert!(if *known { error == 0.0 } else { error < 0.004 }, "{error} at observer {i}");
-    }
-}
