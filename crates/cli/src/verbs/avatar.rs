@@ -35,7 +35,7 @@ const FIGURES_FILE: &str = "autoavatar.json";
 const PICTURE_FILE: &str = "autoavatar.png";
 /// Frames of a picture, its tiles' size in pixels, and the distance that is fully red, metres.
 const PICTURE_FRAMES: usize = 6;
-const TILE: (usize, usize) = (130, 240);
+const TILE: (usize, usize) = (110, 200);
 const BRIGHT_M: f32 = 0.02;
 
 /// Learns, judges and says where everything lies.
@@ -120,7 +120,7 @@ fn finish(
     Ok(())
 }
 
-/// Rows of a few frames, one for each layer: the scan plain, the others coloured by their distance from it.
+/// Rows of a few frames, one for each layer: scan and truth plain, predictions coloured by their distance from the scan.
 fn picture(shown: &ViewClip, faces: &[[u32; 3]]) -> ContactSheet {
     let layers = &shown.layers;
     let count = layers.first().map_or(0, |l| l.frames.len());
@@ -128,7 +128,7 @@ fn picture(shown: &ViewClip, faces: &[[u32; 3]]) -> ContactSheet {
     let frames: Vec<usize> = (0..tiles).map(|i| (2 * i + 1) * count / (2 * tiles)).collect();
     let row = |layer: &Layer| -> Vec<Tile> {
         let tile = |t: &usize| match layer.key {
-            "reference" => Tile::new(layer.frames.frame(*t), faces),
+            "reference" | "surface" => Tile::new(layer.frames.frame(*t), faces),
             _ => Tile::displaced(layer.frames.frame(*t), faces, layers[0].frames.frame(*t), BRIGHT_M),
         };
         frames.iter().map(tile).collect()

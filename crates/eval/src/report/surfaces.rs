@@ -10,7 +10,7 @@ use crate::surfaces::{SurfaceFigures, SurfaceMetrics};
 use crate::viewer::{Stage, Surface, ViewClip, ViewData, document};
 use serde::Serialize;
 use softtissue_store::write_atomic;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -50,18 +50,19 @@ const FIGURES: [(&str, Figure, usize); 2] = [
 ];
 
 /// How surfaces move, a column each.
-const MOTION: [(&str, Moves); 6] = [
+const MOTION: [(&str, Moves); 7] = [
     ("energy, interpolation", |m, r| m.interpolation.get(r)?.rollout.height_energy),
     ("energy, extrapolation", |m, r| m.extrapolation.get(r)?.rollout.height_energy),
     ("spectral dB, interpolation", |m, r| m.interpolation.get(r)?.spectral_db),
     ("spectral dB, extrapolation", |m, r| m.extrapolation.get(r)?.spectral_db),
     ("long rollout", |m, r| Some(m.cycles.get(r)?.bounded_ratio)),
     ("its growth", |m, r| Some(m.cycles.get(r)?.growth)),
+    ("its ms a frame", |m, r| Some(m.cycles.get(r)?.frame_ms)),
 ];
 
 /// The tables as text: the paper's table 1, then what standing still does not improve.
 pub fn tables(metrics: &SurfaceMetrics) -> String {
-    let (rows, lengths) = (metrics.rows(), metrics.lengths());
+    let rows = metrics.rows();
     let rollouts = |figures: &BTreeMap<String, SurfaceFigures>| figures.values().map(|f| f.rollout.rollouts).max();
     let counts: Vec<String> = metrics.sets().map(|(name, f)| format!("{name} {}", rollouts(f).unwrap_or(0))).collect();
     let mut parts = vec![format!(
@@ -72,6 +73,7 @@ pub fn tables(metrics: &SurfaceMetrics) -> String {
         counts.join(", ")
     )];
     for (title, figure, digits) in FIGURES {
+        let lengths = lengths(metrics, figure);
         let columns: Vec<String> = lengths.iter().map(ToString::to_string).collect();
         let mut heads = vec!["after frames of rollout"];
         heads.extend(columns.iter().map(String::as_str));
@@ -98,16 +100,24 @@ pub fn tables(metrics: &SurfaceMetrics) -> String {
     parts.into_iter().filter(|p| !p.is_empty()).collect::<Vec<_>>().join("\n")
 }
 
+/// Frames of rollout that have a figure.
+fn lengths(metrics: &SurfaceMetrics, figure: Figure) -> Vec<usize> {
+    let rows: Vec<&SurfaceFigures> = metrics.sets().flat_map(|(_, rows)| rows.values()).collect();
+    let all: BTreeSet<usize> = rows.iter().flat_map(|f| f.rollout.distance_mm.keys().copied()).collect();
+    all.into_iter().filter(|n| rows.iter().any(|f| figure(f, *n).is_some())).collect()
+}
+
 /// The clip of fig. 7 in a number a row.
 fn clip_means(metrics: &SurfaceMetrics) -> Option<String> {
     let curves = metrics.over_time.as_ref()?;
     let title = format!("{} in one rollout from frame {} on, mean over frames (fig. 7)", curves.clip, curves.start);
-    let mut table = Table::new(&title, &["method", DISTANCE]);
+    let mut table = Table::new(&title, &["method", DISTANCE, "ms a frame"]);
     for name in metrics.rows() {
         let Some(curve) = curves.distance_mm.get(name) else { continue };
         let measured: Vec<f64> = curve.iter().flatten().copied().collect();
         let mean = measured.iter().sum::<f64>() / measured.len().max(1) as f64;
-        table.row(name, [(!measured.is_empty()).then(|| format!("{mean:.3}"))]);
+        let time = curves.frame_ms.get(name).map(|ms| format!("{ms:.1}"));
+        table.row(name, [(!measured.is_empty()).then(|| format!("{mean:.3}")), time]);
     }
     Some(table.finish())
 }
@@ -197,7 +207,7 @@ fn rollout_table(
     figure: Figure,
     digits: usize,
 ) -> String {
-    let lengths = metrics.lengths();
+    let lengths = lengths(metrics, figure);
     let names: Vec<String> = lengths.iter().map(|n| format!("{n}")).collect();
     let mut columns = vec!["after frames"];
     columns.extend(names.iter().map(String::as_str));
@@ -241,7 +251,7 @@ fn page_data(report: &SurfaceReport) -> PageData {
         let points = |row: &String| -> Option<(String, Vec<[f64; 2]>)> {
             let row_figures = figures.get(row)?;
             let at = |n: &usize| Some([*n as f64, figure(row_figures, *n)?]);
-            Some((row.clone(), m.lengths().iter().filter_map(at).collect()))
+            Some((row.clone(), lengths(m, figure).iter().filter_map(at).collect()))
         };
         let unit = if name == DISTANCE { "mm" } else { "" };
         let curves = rows.iter().filter_map(points).collect();
@@ -293,13 +303,15 @@ mod tests {
             m.extrapolation.insert(name.into(), row(mm, Some(7.25)));
         }
         m.interpolation.insert("pose".into(), row(2.5, None));
-        let cycle = CycleFigures { clip: "s00/hips.0".into(), frames: 3600, bounded_ratio: 1.1, growth: 0.9 };
+        let cycle =
+            CycleFigures { clip: "s00/hips.0".into(), frames: 3600, bounded_ratio: 1.1, growth: 0.9, frame_ms: 20.0 };
         m.cycles.insert("autoregressive".into(), cycle);
         m.over_time = Some(SurfaceCurves {
             clip: "s00/<hop>.0".into(),
             fps: 60.0,
             start: 3,
             distance_mm: [("pose".to_owned(), vec![Some(1.0), None, Some(2.0)])].into(),
+            frame_ms: [("pose".to_owned(), 5.25)].into(),
         });
         m
     }
@@ -320,11 +332,11 @@ mod tests {
         let pose = cells(&text, "pose ");
         assert_eq!(pose[0], ["pose", "2.500", "5.000"], "{text}");
         assert_eq!(pose[1], ["pose", "3.500", "7.000"], "{text}");
-        assert_eq!(pose[2], ["pose", "-", "0.02500"], "{text}");
-        assert_eq!(pose[4], ["pose", "0.50", "0.50", "7.25", "-", "-"], "{text}");
-        assert_eq!(pose[5], ["pose", "1.500"], "{text}");
+        assert_eq!(pose[2], ["pose", "0.02500"], "{text}");
+        assert_eq!(pose[4], ["pose", "0.50", "0.50", "7.25", "-", "-", "-"], "{text}");
+        assert_eq!(pose[5], ["pose", "1.500", "5.2"], "{text}");
         let own = cells(&text, "autoregressive");
-        assert_eq!(own[2], ["autoregressive", "-", "0.50", "7.25", "1.10", "0.90"], "{text}");
+        assert_eq!(own[2], ["autoregressive", "-", "0.50", "7.25", "1.10", "0.90", "20.00"], "{text}");
         let order = |row: &str| text.lines().position(|l| l.starts_with(row)).expect(row);
         assert!(order("interpolation set") < order("extrapolation set") && order(STILL) < order("autoregressive"));
     }

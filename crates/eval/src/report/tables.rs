@@ -1,7 +1,7 @@
 //! Tables and headline figures, readable without any script.
 
-use super::text::{by_rank, duration, escape, is_channel, method_label, number, thousands};
 use super::StageTime;
+use super::text::{by_rank, duration, escape, is_channel, method_label, number, thousands};
 use crate::measures::REPORTED;
 use crate::{FitMetrics, Gate, MethodMetrics, Metrics, OURS, ProbeMetrics, RegionMetrics};
 use std::fmt::Write;

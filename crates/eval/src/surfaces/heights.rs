@@ -4,6 +4,7 @@ use crate::tally::MOVING;
 use glam::Vec3;
 use softtissue_body::RegionMap;
 use softtissue_geometry::Frames;
+use std::time::Instant;
 
 /// Heights over the observers of one clip as the scans have them.
 #[derive(Clone, Copy, Debug)]
@@ -91,6 +92,7 @@ pub fn cycle_figures<E>(
     let mut wanted = RegionPeaks::default();
     truth.heights.iter().zip(truth.known).for_each(|(h, k)| wanted.include(&about(h, Some(k)), truth.regions));
     let mut found = RegionPeaks::default();
+    let begun = Instant::now();
     let (mut t, mut quarters) = (0usize, [(0.0f64, 0u64); 4]);
     each(&mut |heights| {
         let off = about(heights, None);
@@ -106,6 +108,7 @@ pub fn cycle_figures<E>(
         clip: clip.to_owned(),
         frames: t,
         bounded_ratio,
+        frame_ms: 1000.0 * begun.elapsed().as_secs_f64() / t.max(1) as f64,
         growth: if growth.is_finite() { growth } else { f64::MAX },
     }))
 }

@@ -38,6 +38,8 @@ pub struct CycleFigures {
     pub bounded_ratio: f64,
     /// Rms of the heights about their true mean in the rollout's last quarter over that in its first.
     pub growth: f64,
+    /// Wall-clock milliseconds of a frame: a prediction and its heights.
+    pub frame_ms: f64,
 }
 
 /// Errors frame by frame over one clip (the paper's fig. 7): rollouts that are started once.
@@ -52,6 +54,8 @@ pub struct SurfaceCurves {
     pub start: usize,
     /// Mean distance of scan points from the prediction, mm, by row of the table; absent where there is no scan.
     pub distance_mm: BTreeMap<String, Vec<Option<f64>>>,
+    /// Wall-clock milliseconds of a frame: a prediction, its heights, its surface drawn on the grid and measured.
+    pub frame_ms: BTreeMap<String, f64>,
 }
 
 /// How a run's surfaces were judged: `autoavatar.json`.
@@ -107,14 +111,6 @@ impl SurfaceMetrics {
         let mut names: Vec<&str> = names.into_iter().collect();
         names.sort_by(|a, b| by_rank(a, b));
         names
-    }
-
-    /// Frames of rollout that something was judged after.
-    pub fn lengths(&self) -> Vec<usize> {
-        let figures = self.sets().flat_map(|(_, rows)| rows.values());
-        let lengths: BTreeSet<usize> =
-            figures.flat_map(|f| f.rollout.distance_mm.keys().chain(f.rollout.volume_change.keys()).copied()).collect();
-        lengths.into_iter().collect()
     }
 
     /// Whether a file says of itself that it holds such measures.
@@ -186,7 +182,7 @@ mod tests {
         metrics.write(&path).unwrap();
         assert!(SurfaceMetrics::is_at(&path));
         assert_eq!(SurfaceMetrics::read(&path).unwrap(), metrics);
-        assert_eq!((metrics.lengths(), metrics.sets().count()), (vec![1], 1));
+        assert_eq!(metrics.sets().count(), 1);
         metrics.schema = 1;
         metrics.write(&path).unwrap();
         assert!(SurfaceMetrics::read(&path).unwrap_err().to_string().contains("schema 1"));

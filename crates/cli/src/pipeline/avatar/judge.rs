@@ -20,6 +20,7 @@ use softtissue_implicit::{
     FreeRollout, MeshPredictor, RolloutClip, RolloutConfig, RolloutTally, SurfacePredictor, drawn_over,
 };
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 /// Frames of the rollout that shows whether heights grow (AutoAvatar's minute at 60 a second).
 const CYCLE_FRAMES: f32 = 3600.0;
@@ -252,6 +253,7 @@ impl<'a> Judge<'a> {
                 let mut predictor = predictor(clip);
                 tally.add(&mut predictor, &truth, &self.protocol).map_err(Into::into)?;
                 let timed = extrapolation && c == 0;
+                let begun = Instant::now();
                 let free = FreeRollout::of(&mut predictor, &truth, &self.protocol, timed).map_err(Into::into)?;
                 decibels.extend(self.trace(&truth, &free).spectral_db(&free.heights));
                 if timed {
@@ -259,6 +261,8 @@ impl<'a> Judge<'a> {
                     let curves = || SurfaceCurves { clip: clip.id.to_string(), fps, ..SurfaceCurves::default() };
                     let curves = metrics.over_time.get_or_insert_with(curves);
                     curves.start = free.start;
+                    let milliseconds = 1000.0 * begun.elapsed().as_secs_f64();
+                    curves.frame_ms.insert(name.to_owned(), milliseconds / free.heights.len().max(1) as f64);
                     curves.distance_mm.insert(name.to_owned(), free.distance_mm.clone());
                 }
                 rollouts.push(free);
