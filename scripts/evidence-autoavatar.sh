@@ -90,9 +90,12 @@ seconds() {
         if (name ~ wanted) sum += s }
         END { printf "%.0f\n", sum }' "$runs/$1/log.jsonl"
 }
-settings() { "$softtissue" config print --config "$config"; }
-# What a run was started with, of the avatar.
-avatar_settings() { awk '/^\[/ { on = /^\[autoavatar/ } on' "$runs/fitted/config.toml"; }
+# What the first run was started with: people, motions, split and avatar.
+settings() {
+    awk '/^\[/ { section = $0; avatar = /^\[autoavatar/ } avatar { print; next }
+        section == "[synth]" && /^(bmi|takes|frames|level|motions) = / || section == "[split]" && / = / {
+            if (section != last) print section; last = section; print }' "$runs/fitted/config.toml"
+}
 
 page() {
     local run count
@@ -154,9 +157,7 @@ page() {
     echo "## Settings"
     echo
     echo '```'
-    settings | awk '/^\[/ { section = $0 } section == "[synth]" && /^(bmi|takes|frames|level|motions) = / || section == "[split]" && / = / {
-        if (section != "" && section != last) print section; last = section; print }'
-    avatar_settings
+    settings
     echo '```'
     echo
     echo "## What differs from the paper, and why"

@@ -49,7 +49,7 @@ fn one_person_is_learned_from_raw_scans_judged_and_animated() {
     let out = home.join("run");
     let said = Said::of(&train(&out).output().expect("the command starts"));
     said.fine();
-    assert!(said.out.contains("extrapolation, s00") && said.out.contains("interpolation, s00"), "{}", said.out);
+    assert!(said.out.contains("\nextrapolation set") && said.out.contains("\ninterpolation set"), "{}", said.out);
     let figures = std::fs::read(out.join("autoavatar.json")).expect("measures");
     let figures: Value = serde_json::from_slice(&figures).expect("JSON");
     for network in ["autoregressive", "pose"] {

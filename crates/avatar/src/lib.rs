@@ -9,6 +9,8 @@
 
 mod avatar;
 #[cfg(test)]
+mod backends;
+#[cfg(test)]
 mod checks;
 mod clip;
 mod config;
