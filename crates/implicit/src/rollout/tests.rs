@@ -164,7 +164,7 @@ fn a_free_rollout_is_started_once_and_measured_in_every_frame() {
             let drifting = |start: usize, t: usize| radius(t) + 1e-4 * (t - start + 1) as f32;
             let mut fake = Fake { radius: drifting, start: 0, asked: Vec::new() };
             let free = FreeRollout::of(&mut fake, clip, &RolloutConfig::default(), distances).unwrap();
-            assert_eq!(fake.asked, [3..FRAMES]);
+            assert_eq!((fake.asked.len(), fake.asked.first()), (1, Some(&(3..FRAMES))));
             free
         })
     };
