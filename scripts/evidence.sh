@@ -286,6 +286,7 @@ what_is() {
         cases-*) echo "${1#cases-} in Dyna's four cases" ;;
         second-law) echo "the methods on scans of another constitutive law" ;;
         other-flesh) echo "the methods on the same people with other hidden flesh" ;;
+        autoavatar) echo "AutoAvatar's tables, by \`scripts/evidence-autoavatar.sh\` ([page](autoavatar.md))" ;;
         fine) echo "all methods at 6890 vertices: subspaces and the time of a frame" ;;
         *) echo "" ;;
     esac

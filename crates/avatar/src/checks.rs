@@ -108,6 +108,7 @@ pub fn breathing(frames: usize, phase: f32) -> AvatarClip {
         track: PoseTrack::new(&motion),
         observers: vec![observers; frames],
         heights: (0..frames).map(|t| vec![radius(t) - 0.2; 64]).collect(),
+        known: vec![vec![true; 64]; frames],
         scans: (0..frames).map(|t| Some(scan(t))).collect(),
         frames: 0..frames,
     }

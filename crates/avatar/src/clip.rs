@@ -5,7 +5,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use softtissue_body::{BodyModel, Pose, ShapedBody};
 use softtissue_clips::{ClipId, MotionClip, RawFrame, RawScans};
-use softtissue_implicit::{ObserverFrame, PointTree, RawSurface, RawSurfaceConfig, ScanHeights};
+use softtissue_implicit::{ObserverFrame, PointTree, RawSurface, RawSurfaceConfig};
 use softtissue_monitor::Monitor;
 use softtissue_random::Draws;
 use std::ops::Range;
@@ -21,6 +21,8 @@ pub struct AvatarClip {
     pub observers: Vec<ObserverFrame>,
     /// True heights of the scans, `[T]` of `[M]`, metres; of a missing scan those of the scan before.
     pub heights: Vec<Vec<f32>>,
+    /// Whether the scan was seen where a height is, `[T]` of `[M]`: elsewhere it is guessed.
+    pub known: Vec<Vec<bool>>,
     /// Scans, thinned out, `[T]`; `None` where one is missing.
     pub scans: Vec<Option<RawSurface>>,
     /// Frames that a prediction may be compared with.
@@ -78,6 +80,7 @@ impl AvatarClip {
             track: PoseTrack::new(motion),
             observers: Vec::with_capacity(frames.len()),
             heights: Vec::with_capacity(frames.len()),
+            known: Vec::with_capacity(frames.len()),
             scans: Vec::with_capacity(frames.len()),
             frames: request.frames.clone(),
         };
@@ -88,6 +91,7 @@ impl AvatarClip {
                 last.clone_from(&scan.heights);
             }
             clip.heights.push(last.clone());
+            clip.known.push(scan.as_ref().map_or_else(|| vec![false; last.len()], |s| s.known.clone()));
             clip.scans.push(scan.map(|s| s.surface));
         }
         Ok(clip)
@@ -109,6 +113,7 @@ impl AvatarClip {
 /// One frame's scan.
 struct Scan {
     heights: Vec<f32>,
+    known: Vec<bool>,
     surface: RawSurface,
 }
 
@@ -125,15 +130,19 @@ impl Scan {
         let data = |e: softtissue_implicit::ImplicitError| AvatarError::Data(format!("{id}, frame {t}: {e}"));
         let near = near(raw, observers, request.outlier);
         let whole = RawSurface::new(&near, &config).map_err(data)?;
-        let ScanHeights { values: mut heights, known } = whole.heights(observers, &avatar.heights);
-        avatar.close(&mut heights, &known);
+        let mut heights = whole.heights(observers, &avatar.heights);
+        avatar.close(&mut heights.values, &heights.known);
         let mut draws = Draws::new(request.seed, &format!("autoavatar/scan/{id}"), 0, t as u64);
         let mut chosen = draws.permutation(near.points.len());
         chosen.truncate(request.kept_points);
         chosen.sort_unstable();
         let pick = |of: &[Vec3]| chosen.iter().map(|i| of[*i]).collect();
         let thinned = RawFrame { points: pick(&near.points), normals: pick(&near.normals) };
-        Ok(Self { heights, surface: RawSurface::new(&thinned, &config).map_err(data)? })
+        Ok(Self {
+            heights: heights.values,
+            known: heights.known,
+            surface: RawSurface::new(&thinned, &config).map_err(data)?,
+        })
     }
 }
 

@@ -24,3 +24,9 @@ pub enum AvatarError {
     #[error("stopped before the end")]
     Stopped,
 }
+
+impl From<softtissue_implicit::ImplicitError> for AvatarError {
+    fn from(error: softtissue_implicit::ImplicitError) -> Self {
+        Self::Data(error.to_string())
+    }
+}

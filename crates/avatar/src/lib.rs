@@ -9,17 +9,19 @@
 
 mod avatar;
 #[cfg(test)]
+mod backends;
+#[cfg(test)]
 mod checks;
 mod clip;
 mod config;
 mod decoder;
 mod error;
 mod features;
-mod judge;
 mod layer;
 mod loss;
 mod model;
 mod network;
+mod predictor;
 mod queries;
 mod rows;
 mod trainee;
@@ -32,9 +34,9 @@ pub use config::{
 };
 pub use error::AvatarError;
 pub use features::PoseTrack;
-pub use judge::{Candidate, REACH, ROLLOUTS, RolloutFigures, RolloutTally};
 pub use model::{AvatarInfo, AvatarModel, LearnedNetwork};
 pub use network::AvatarNetwork;
+pub use predictor::{AvatarPredictor, Candidate, REACH};
 pub use trainee::AvatarTrainee;
 
 /// Result of this crate.

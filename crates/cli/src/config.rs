@@ -156,7 +156,8 @@ pub struct CasasOtaduyConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EvalConfig {
-    /// Length of the rollout that shows whether energy gathers, seconds. Default 600; 0 leaves it out.
+    /// Length of the rollout that shows whether energy gathers, seconds; an avatar's has 3600 frames at most. Default 600;
+    /// 0 leaves it out.
     pub bounded_seconds: f32,
     /// Subjects whose hop-then-stand is simulated to measure rest and free decay, heaviest first. Default 2.
     pub decay_subjects: usize,

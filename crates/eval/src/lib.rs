@@ -18,6 +18,7 @@ pub mod protocol;
 pub mod report;
 mod shapes;
 mod subspace;
+pub mod surfaces;
 mod tally;
 mod timing;
 pub mod viewer;

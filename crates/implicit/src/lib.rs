@@ -31,9 +31,12 @@ pub use mesh_field::MeshField;
 pub use observers::{ObserverFrame, Observers};
 pub use point_tree::{Neighbours, PointTree};
 pub use raw_surface::{RawSurface, RawSurfaceConfig, ScanHeights};
-pub use rollout::{PredictedSurface, RolloutClip, RolloutConfig, RolloutFigures, RolloutTally, SurfacePredictor};
+pub use rollout::{
+    FreeRollout, MeshPredictor, PredictedSurface, RolloutClip, RolloutConfig, RolloutFigures, RolloutTally,
+    SurfacePredictor, drawn_over,
+};
 pub use samples::{SampleConfig, Samples};
-pub use scan_distance::{mean_distance, two_way_distance};
+pub use scan_distance::mean_distance;
 pub use volume_change::{VolumeProbe, VolumeProbeConfig};
 
 #[cfg(test)]

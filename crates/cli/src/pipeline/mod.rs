@@ -27,7 +27,7 @@ mod softsmpl;
 mod softtissue;
 mod subspaces;
 
-pub use avatar::{AvatarFigures, judge_avatars, open_raw, train_avatar};
+pub use avatar::{AvatarScene, AvatarShow, Part, Rivals, judge_avatars, open_raw, train_avatar, write_avatar_report};
 pub use body::load_body;
 pub use bundle::BundleMethod;
 pub use context::Context;

@@ -108,7 +108,7 @@ fn facts(context: &Context, job: &Prepared, learned: &Learned) -> Vec<(String, S
 }
 
 /// Loss and validation curves out of the log, thinned to a few hundred points a stage.
-fn curves(context: &Context) -> Result<Vec<TrainingCurve>> {
+pub(super) fn curves(context: &Context) -> Result<Vec<TrainingCurve>> {
     const MOST: usize = 400;
     let path = context.run.root().join("log.jsonl");
     let file = std::fs::File::open(&path).map_err(|e| softtissue_store::StoreError::io("read", &path, e))?;

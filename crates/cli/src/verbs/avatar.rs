@@ -3,39 +3,55 @@
 use crate::args::{AnimateArgs, EvalArgs, Protocol};
 use crate::config::Config;
 use crate::exit::{InputError, UsageError};
-use crate::pipeline::{AvatarFigures, Context, Prepared, judge_avatars, open, open_raw, prepare, train_avatar};
-use crate::run_folder::RunFolder;
+use crate::pipeline::{
+    AvatarScene, Context, Prepared, Rivals, judge_avatars, open, open_others, open_raw, prepare, train_avatar,
+    write_avatar_report,
+};
+use crate::run_folder::{REPORT_FILE, RunFolder};
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::animation_format::Format;
+use crate::verbs::contact_sheet::{ContactSheet, Tile};
 use crate::verbs::motion::{Wanted, motion};
 use crate::verbs::train::Provenance;
 use anyhow::Result;
 use burn::tensor::Device;
 use glam::Vec3;
 use serde_json::json;
-use softtissue_avatar::{
-    AvatarBody, AvatarField, AvatarModel, Conditioning, Playback, PoseTrack, REACH, ROLLOUTS, RolloutFigures,
-};
+use softtissue_avatar::{AvatarBody, AvatarField, AvatarModel, Conditioning, Playback, PoseTrack, REACH};
 use softtissue_body::Pose;
+use softtissue_clips::RawScans;
+use softtissue_eval::report::surface_tables;
+use softtissue_eval::viewer::{Layer, ViewClip};
 use softtissue_export::{ObjFolder, SurfaceFrame};
-use softtissue_geometry::{Frames, vertex_normals};
-use softtissue_implicit::MarchingCubes;
+use softtissue_geometry::Frames;
+use softtissue_implicit::{MarchingCubes, drawn_over};
 use softtissue_monitor::Monitor;
-use softtissue_store::{read_json, write_json_atomic};
-use std::collections::BTreeMap;
+use softtissue_store::read_json;
 use std::path::Path;
 
-/// The measures, in a run's folder.
+/// The measures and a picture of truth and prediction, in a run's folder.
 const FIGURES_FILE: &str = "autoavatar.json";
+const PICTURE_FILE: &str = "autoavatar.png";
+/// Frames of a picture, its tiles' size in pixels, and the distance that is fully red, metres.
+const PICTURE_FRAMES: usize = 6;
+const TILE: (usize, usize) = (110, 200);
+const BRIGHT_M: f32 = 0.02;
 
 /// Learns, judges and says where everything lies.
-pub fn train(context: &Context, job: &Prepared, data: Option<&Path>, judged: bool, as_json: bool) -> Result<()> {
-    let raw = open_raw(context, &job.scans, data)?;
+pub fn train(
+    context: &Context,
+    title: &str,
+    job: &Prepared,
+    data: Option<&Path>,
+    judged: bool,
+    as_json: bool,
+) -> Result<()> {
+    let raw = open_raw(context.config, &job.scans, data)?;
     let model = train_avatar(context, job, &raw)?;
     if judged {
-        let figures = context.timed("judgement", || judge_avatars(context, job, &raw, &[(String::new(), model)]))?;
-        tell(&figures, context.run.root(), FIGURES_FILE, as_json)?;
+        let rivals = Rivals { avatars: &[(String::new(), model)], bundles: &[] };
+        finish(context, title, job, &raw, &rivals, context.run.root(), as_json)?;
     }
     if !as_json {
         crate::print_line(&format!("avatar     {}", context.run.avatar().display()));
@@ -43,7 +59,7 @@ pub fn train(context: &Context, job: &Prepared, data: Option<&Path>, judged: boo
     Ok(())
 }
 
-/// Judges a run again, others beside it.
+/// Judges a run again, others beside it: avatars, and bundles of the methods that learn registered meshes.
 pub fn eval(args: &EvalArgs, config: &Config, signals: &Signals) -> Result<()> {
     if args.protocol != Protocol::HeldOut || args.on.is_some() {
         let message = "an avatar is of one person's scans: it has neither protocols nor --on; leave them out";
@@ -53,61 +69,71 @@ pub fn eval(args: &EvalArgs, config: &Config, signals: &Signals) -> Result<()> {
     let terminal = Terminal::new(signals.clone(), args.quiet);
     let folder = RunFolder::take(&args.run, true)?;
     let context = Context::new(config, &terminal, &folder, provenance.data_dir.clone())?;
-    let mut models = vec![(String::new(), AvatarModel::read(&folder.avatar(), &context.device)?)];
+    let mut avatars = vec![(String::new(), AvatarModel::read(&folder.avatar(), &context.device)?)];
+    let mut meshes = Vec::new();
     for other in &args.against {
         let path = other.join("avatar");
-        if !AvatarModel::is_at(&path) {
-            let message = format!("{} holds no avatar; an avatar is judged beside avatars alone", other.display());
-            return Err(InputError(message).into());
+        if AvatarModel::is_at(&path) {
+            let name = other.file_name().map_or_else(String::new, |n| format!("{}/", n.to_string_lossy()));
+            avatars.push((name, AvatarModel::read(&path, &context.device)?));
+        } else {
+            meshes.push(other.clone());
         }
-        let name = other.file_name().map_or_else(String::new, |n| format!("{}/", n.to_string_lossy()));
-        models.push((name, AvatarModel::read(&path, &context.device)?));
     }
     let opened = open(&context, provenance.data.as_deref())?;
     let job = prepare(&context, opened)?;
-    let raw = open_raw(&context, &job.scans, provenance.data.as_deref())?;
-    let figures = judge_avatars(&context, &job, &raw, &models)?;
+    let bundles = open_others(&meshes, &job, &["body".into()])?;
+    let raw = open_raw(config, &job.scans, provenance.data.as_deref())?;
+    let rivals = Rivals { avatars: &avatars, bundles: &bundles };
     let place = if args.against.is_empty() { folder.root().to_owned() } else { folder.comparison(None) };
-    tell(&figures, &place, FIGURES_FILE, args.json)
+    finish(&context, &provenance.configuration, &job, &raw, &rivals, &place, args.json)
 }
 
-fn tell(figures: &AvatarFigures, folder: &Path, name: &str, as_json: bool) -> Result<()> {
+/// Judges, and writes measures, report and picture into `folder`.
+fn finish(
+    context: &Context,
+    title: &str,
+    job: &Prepared,
+    raw: &dyn RawScans,
+    rivals: &Rivals,
+    folder: &Path,
+    as_json: bool,
+) -> Result<()> {
+    let scene = AvatarScene::of(context, job, raw);
+    let judgement = context.timed("judgement", || judge_avatars(&scene, rivals, &context.device))?;
+    let (figures, report) = (folder.join(FIGURES_FILE), folder.join(REPORT_FILE));
     softtissue_store::create_dir(folder)?;
-    let path = folder.join(name);
-    write_json_atomic(&path, figures)?;
+    judgement.metrics.write(&figures)?;
+    let own = &rivals.avatars[0].1;
+    context.timed("report", || write_avatar_report(context, title, job, own, &judgement, &report))?;
+    let first = judgement.shown.first();
+    let picture = first.map(|shown| (picture(shown, &job.body.topology.faces), folder.join(PICTURE_FILE)));
+    picture.iter().try_for_each(|(sheet, path)| sheet.write(path))?;
     if as_json {
-        crate::print_line(&serde_json::to_string(figures)?);
+        crate::print_line(&serde_json::to_string(&judgement.metrics)?);
         return Ok(());
     }
-    for (set, rows) in [("interpolation", &figures.interpolation), ("extrapolation", &figures.extrapolation)] {
-        if !rows.is_empty() {
-            crate::print_line(&table(&format!("{set}, {}", figures.subject), rows));
-        }
-    }
-    crate::print_line(&format!("measures   {}", path.display()));
+    crate::print_line(surface_tables(&judgement.metrics).trim_end());
+    crate::print_line(&format!("measures   {}", figures.display()));
+    crate::print_line(&format!("report     {}", report.display()));
+    picture.iter().for_each(|(_, path)| crate::print_line(&format!("picture    {}", path.display())));
     Ok(())
 }
 
-/// The paper's table 1 as text.
-fn table(title: &str, rows: &BTreeMap<String, RolloutFigures>) -> String {
-    let mut text = format!("\n{title}\n{:<28}", "scan to prediction, mm");
-    ROLLOUTS.iter().for_each(|n| text += &format!("{n:>9}"));
-    let width = |name: &str| format!("{name:<28}");
-    let cell = |x: Option<&f64>, digits: usize| x.map_or_else(|| format!("{:>9}", "-"), |x| format!("{x:>9.digits$}"));
-    for (name, row) in rows {
-        text += &format!("\n{}", width(name));
-        ROLLOUTS.iter().for_each(|n| text += &cell(row.distance_mm.get(n), 3));
-    }
-    text += &format!("\n{}", width("error of volume change"));
-    for (name, row) in rows {
-        text += &format!("\n{}", width(name));
-        ROLLOUTS.iter().for_each(|n| text += &cell(row.volume_change.get(n), 5));
-    }
-    text += &format!("\n{}", width("energy of heights"));
-    for (name, row) in rows {
-        text += &format!("\n{}{}", width(name), cell(row.height_energy.as_ref(), 3));
-    }
-    text
+/// Rows of a few frames, one for each layer: scan and truth plain, predictions coloured by their distance from the scan.
+fn picture(shown: &ViewClip, faces: &[[u32; 3]]) -> ContactSheet {
+    let layers = &shown.layers;
+    let count = layers.first().map_or(0, |l| l.frames.len());
+    let tiles = PICTURE_FRAMES.min(count);
+    let frames: Vec<usize> = (0..tiles).map(|i| (2 * i + 1) * count / (2 * tiles)).collect();
+    let row = |layer: &Layer| -> Vec<Tile> {
+        let tile = |t: &usize| match layer.key {
+            "reference" | "surface" => Tile::new(layer.frames.frame(*t), faces),
+            _ => Tile::displaced(layer.frames.frame(*t), faces, layers[0].frames.frame(*t), BRIGHT_M),
+        };
+        frames.iter().map(tile).collect()
+    };
+    ContactSheet { rows: layers.iter().map(row).collect(), tile: TILE, centred: true }
 }
 
 /// Plays an avatar from motion alone: a folder of OBJ files with the surfaces themselves, or the body's own mesh with its
@@ -167,13 +193,7 @@ pub fn animate(args: &AnimateArgs, format: Option<Format>, monitor: &dyn Monitor
     let to_vertices = avatar.observers.vertices_from_observers(&model.body.template, topology);
     let mut frames = Frames::new(model.body.vertex_count());
     play(&model, &avatar, &track, &posed, monitor, |_, field, posed| {
-        let normals = vertex_normals(posed, topology.faces.as_slice());
-        let lowest = avatar.heights.lowest;
-        // where the surface is not met the body stays
-        let met: Vec<f32> = field.heights().into_iter().map(|h| if h > lowest { h } else { 0.0 }).collect();
-        let heights = to_vertices.apply(&met, 1);
-        let moved: Vec<Vec3> = (0..posed.len()).map(|v| posed[v] + heights[v] * normals[v]).collect();
-        frames.push(&moved);
+        frames.push(&drawn_over(posed, topology, &to_vertices, &field.heights(), &avatar.heights));
         Ok(())
     })?;
     monitor.end();

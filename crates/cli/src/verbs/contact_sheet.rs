@@ -8,9 +8,10 @@ use softtissue_render::{Camera, Colour, PLAIN, Picture, Scene};
 use softtissue_store::write_atomic;
 use std::path::Path;
 
-/// Frames in a row of an animation, and the displacement that is fully bright, metres.
+/// Frames in a row of an animation.
 const SHOWN: usize = 6;
-const FULL_SCALE_M: f32 = 0.04;
+/// The displacement of soft tissue that is fully bright, metres.
+pub const FULL_SCALE_M: f32 = 0.04;
 /// Where the camera stands: to the front and a little to the side and above, radians.
 const AZIMUTH: f32 = 0.5;
 const ELEVATION: f32 = 0.08;
@@ -38,9 +39,9 @@ impl Tile {
         Self { points: points.to_vec(), faces: faces.to_vec(), colours: vec![] }
     }
 
-    /// A mesh coloured by how far its vertices are from `from`.
-    pub fn displaced(points: &[Vec3], faces: &[[u32; 3]], from: &[Vec3]) -> Self {
-        let colours = from.iter().zip(points).map(|(a, m)| colour(a.distance(*m) / FULL_SCALE_M)).collect();
+    /// A mesh coloured by how far its vertices are from `from`; `bright`, metres, and more is fully so.
+    pub fn displaced(points: &[Vec3], faces: &[[u32; 3]], from: &[Vec3], bright: f32) -> Self {
+        let colours = from.iter().zip(points).map(|(a, m)| colour(a.distance(*m) / bright)).collect();
         Self { points: points.to_vec(), faces: faces.to_vec(), colours }
     }
 
@@ -95,8 +96,8 @@ impl ContactSheet {
         let first = moved.len() / 4;
         let frames: Vec<usize> = (0..shown).map(|i| first + i * (moved.len() - first) / shown).collect();
         let plain = frames.iter().map(|t| Tile::new(alone.frame(*t), &topology.faces)).collect();
-        let coloured =
-            frames.iter().map(|t| Tile::displaced(moved.frame(*t), &topology.faces, alone.frame(*t))).collect();
+        let tile = |t: &usize| Tile::displaced(moved.frame(*t), &topology.faces, alone.frame(*t), FULL_SCALE_M);
+        let coloured = frames.iter().map(tile).collect();
         Self { rows: vec![plain, coloured], tile: (240, 400), centred: false }
     }
 

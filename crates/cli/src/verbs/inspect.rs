@@ -15,7 +15,8 @@ use crate::verbs::near::BodyFinder;
 use anyhow::Result;
 use facts::Facts;
 use softtissue_eval::Metrics;
-use softtissue_eval::report::plain;
+use softtissue_eval::report::{plain, surface_tables};
+use softtissue_eval::surfaces::SurfaceMetrics;
 use softtissue_store::TensorFile;
 use std::path::Path;
 
@@ -43,13 +44,19 @@ pub fn run(args: &InspectArgs) -> Result<()> {
     Ok(())
 }
 
-/// The tables of a `metrics.json`, as `eval` prints them.
+/// The tables of a `metrics.json` or an `autoavatar.json`, as `eval` prints them.
 fn measures(args: &InspectArgs) -> Result<()> {
-    let metrics = Metrics::read(&args.path)?;
+    let (json, tables) = if SurfaceMetrics::is_at(&args.path) {
+        let metrics = SurfaceMetrics::read(&args.path)?;
+        (serde_json::to_string_pretty(&metrics)?, surface_tables(&metrics))
+    } else {
+        let metrics = Metrics::read(&args.path)?;
+        (serde_json::to_string_pretty(&metrics)?, plain::tables(&metrics))
+    };
     if args.picture.is_some() {
         return Err(UsageError("--picture: there is nothing to draw of measures; the report has charts".into()).into());
     }
-    let text = if args.json { serde_json::to_string_pretty(&metrics)? } else { plain::tables(&metrics) };
+    let text = if args.json { json } else { tables };
     crate::print_line(text.trim_end());
     Ok(())
 }

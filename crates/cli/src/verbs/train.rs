@@ -80,7 +80,14 @@ pub fn run(args: &TrainArgs, signals: &Signals) -> Result<()> {
 
     let job = prepare(&context, opened)?;
     if config.method == Method::Autoavatar {
-        return avatar::train(&context, &job, provenance.data.as_deref(), !args.no_eval, args.json);
+        return avatar::train(
+            &context,
+            &provenance.configuration,
+            &job,
+            provenance.data.as_deref(),
+            !args.no_eval,
+            args.json,
+        );
     }
     let learned = learn(&context, &job.place, &job.body, &job.fit, &job.split, &folder.bundle())?;
     if args.no_eval {

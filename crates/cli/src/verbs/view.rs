@@ -1,5 +1,6 @@
 //! `view`: a bundle, played by a page that this machine serves; everything else that moves, as a page in one file.
 
+mod avatars;
 mod browser;
 mod choice;
 mod clips;

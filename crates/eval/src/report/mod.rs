@@ -5,9 +5,11 @@ mod charts;
 mod comparisons;
 mod page;
 pub mod plain;
+mod surfaces;
 mod tables;
 mod text;
 
+pub use surfaces::{SurfaceReport, tables as surface_tables, write_surfaces};
 pub(crate) use text::{by_rank, escape, is_channel, method_label, number};
 
 use crate::viewer::ViewClip;

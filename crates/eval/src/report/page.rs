@@ -90,7 +90,8 @@ fn sections(input: &ReportInput, data: &PageData) -> Vec<Section> {
             "timing" => comparisons::timing(m) + "<div class=\"chart\" id=\"chart-timing\"></div>",
             "fit" => tables::fit(m),
             _ => {
-                tables::run(input)
+                tables::facts(input.facts)
+                    + &tables::stages(input.stages)
                     + if input.training.is_empty() {
                         ""
                     } else {

@@ -291,24 +291,29 @@ fn spread(mean: Option<f64>, deviation: Option<f64>) -> Option<String> {
 }
 
 /// Columns as wide as their widest cell, the first one aligned left.
-struct Table {
+pub(super) struct Table {
     title: String,
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    fn new(title: &str, columns: &[&str]) -> Self {
+    pub(super) fn new(title: &str, columns: &[&str]) -> Self {
         Self { title: title.to_owned(), rows: vec![columns.iter().map(|c| (*c).to_owned()).collect()] }
     }
 
     /// A row; what was not measured is a dash.
-    fn row(&mut self, name: &str, cells: impl IntoIterator<Item = Option<String>>) {
+    pub(super) fn row(&mut self, name: &str, cells: impl IntoIterator<Item = Option<String>>) {
         let cells = cells.into_iter().map(|c| c.unwrap_or_else(|| "-".into()));
         self.rows.push(std::iter::once(name.to_owned()).chain(cells).collect());
     }
 
+    /// A line over the rows that follow.
+    pub(super) fn heading(&mut self, name: &str) {
+        self.rows.push(vec![name.to_owned()]);
+    }
+
     /// The text; empty without a row.
-    fn finish(self) -> String {
+    pub(super) fn finish(self) -> String {
         if self.rows.len() < 2 {
             return String::new();
         }

@@ -1,6 +1,6 @@
 //! Tables and headline figures, readable without any script.
 
-use super::ReportInput;
+use super::StageTime;
 use super::text::{by_rank, duration, escape, is_channel, method_label, number, thousands};
 use crate::measures::REPORTED;
 use crate::{FitMetrics, Gate, MethodMetrics, Metrics, OURS, ProbeMetrics, RegionMetrics};
@@ -369,33 +369,38 @@ fn objectives(metrics: &Metrics) -> String {
     format!("<p class=\"remark\">{text}</p>")
 }
 
-/// What was run, and how long each stage took.
-pub fn run(input: &ReportInput) -> String {
-    let mut out = String::new();
-    if !input.facts.is_empty() {
-        out += "<dl class=\"facts\">";
-        for (term, value) in input.facts {
-            let _ = write!(out, "<div><dt>{}</dt><dd>{}</dd></div>", escape(term), escape(value));
-        }
-        out += "</dl>";
+/// What was run, as pairs of a term and its value.
+pub fn facts(facts: &[(String, String)]) -> String {
+    if facts.is_empty() {
+        return String::new();
     }
-    let total: f64 = input.stages.iter().map(|s| s.seconds).sum();
-    if total > 0.0 {
-        out += "<h3>Time by stage</h3><div class=\"stages\">";
-        for s in input.stages {
-            let share = s.seconds / total * 100.0;
-            let _ = write!(
-                out,
-                "<div class=\"stage\"><span>{}</span><span class=\"track\"><i style=\"width:{share:.2}%\"></i></span><span class=\"time\">{}</span></div>",
-                escape(&s.name),
-                duration(s.seconds)
-            );
-        }
+    let mut out = "<dl class=\"facts\">".to_owned();
+    for (term, value) in facts {
+        let _ = write!(out, "<div><dt>{}</dt><dd>{}</dd></div>", escape(term), escape(value));
+    }
+    out + "</dl>"
+}
+
+/// How long each stage took.
+pub fn stages(stages: &[StageTime]) -> String {
+    let total: f64 = stages.iter().map(|s| s.seconds).sum();
+    if total <= 0.0 {
+        return String::new();
+    }
+    let mut out = "<h3>Time by stage</h3><div class=\"stages\">".to_owned();
+    for s in stages {
+        let share = s.seconds / total * 100.0;
         let _ = write!(
             out,
-            "<div class=\"stage total\"><span>total</span><span></span><span class=\"time\">{}</span></div></div>",
-            duration(total)
+            "<div class=\"stage\"><span>{}</span><span class=\"track\"><i style=\"width:{share:.2}%\"></i></span><span class=\"time\">{}</span></div>",
+            escape(&s.name),
+            duration(s.seconds)
         );
     }
+    let _ = write!(
+        out,
+        "<div class=\"stage total\"><span>total</span><span></span><span class=\"time\">{}</span></div></div>",
+        duration(total)
+    );
     out
 }

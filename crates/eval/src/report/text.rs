@@ -32,6 +32,11 @@ pub fn method_label(name: &str) -> String {
         "casas-otaduy" => "Casas and Otaduy (2018)",
         "softsmpl" => "SoftSMPL (2020)",
         "autoavatar" => "AutoAvatar (2022)",
+        "autoregressive" => "AutoAvatar",
+        "pose" => "Pose",
+        "pose-tcn" => "PoseTCN",
+        "pose-differences" => "Pose + dPose",
+        crate::surfaces::STILL => "standing still",
         "oracle" => "simulator, mean flesh",
         other => other,
     };

@@ -50,14 +50,15 @@ pub fn run(path: &Path) -> Result<Facts> {
     let mut facts = Facts::new("run")
         .with("provenance", provenance)
         .with("bundle", exists("bundle/manifest.json"))
-        .with("metrics", exists("metrics.json"))
+        .with("avatar", exists("avatar/manifest.json"))
+        .with("metrics", exists("metrics.json") || exists("autoavatar.json"))
         .with("report", exists("report/index.html"));
     if exists("bundle/manifest.json") {
         let bundle = bundle(&path.join("bundle"))?;
         facts.problems = bundle.problems;
         facts.rows = bundle.rows;
     }
-    if !exists("metrics.json") {
+    if !exists("metrics.json") && !exists("autoavatar.json") {
         let says = "not evaluated: run `softtissue train --resume` or `softtissue eval`";
         facts.problems.push(Problem::new(ProblemKind::Incomplete, says));
     }

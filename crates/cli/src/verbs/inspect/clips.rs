@@ -1,7 +1,7 @@
 //! Scan and delta clips and fitted subjects of ours.
 
 use super::facts::Facts;
-use crate::verbs::contact_sheet::Tile;
+use crate::verbs::contact_sheet::{FULL_SCALE_M, Tile};
 use crate::verbs::near::BodyFinder;
 use anyhow::Result;
 use glam::Vec3;
@@ -110,7 +110,7 @@ fn delta_tiles(file: &ClipFile, body: &BodyModel) -> Result<Vec<Tile>> {
         let t = i * file.frames / shown;
         let deltas = file.read(t..t + 1)?;
         let moved: Vec<Vec3> = body.template.iter().zip(deltas.frame(0)).map(|(p, d)| *p + *d).collect();
-        Ok(Tile::displaced(&moved, &body.topology.faces, &body.template))
+        Ok(Tile::displaced(&moved, &body.topology.faces, &body.template, FULL_SCALE_M))
     };
     (0..shown).map(tile).collect()
 }
@@ -131,7 +131,7 @@ pub fn subject(path: &Path, finder: &BodyFinder) -> Result<Facts> {
         let shaped = body.shaped(&s.beta).vertices;
         let detailed: Vec<Vec3> = shaped.iter().zip(&s.template).map(|(p, d)| *p + *d).collect();
         let faces = &body.topology.faces;
-        facts.rows.push(vec![Tile::new(&shaped, faces), Tile::displaced(&detailed, faces, &shaped)]);
+        facts.rows.push(vec![Tile::new(&shaped, faces), Tile::displaced(&detailed, faces, &shaped, FULL_SCALE_M)]);
     }
     Ok(facts)
 }

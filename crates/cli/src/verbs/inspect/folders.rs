@@ -3,7 +3,7 @@
 use super::clips::{examine_deltas, examine_scan, triangles_from};
 use super::facts::{Facts, range, self_intersection};
 use super::motions::examine_clip;
-use crate::verbs::contact_sheet::Tile;
+use crate::verbs::contact_sheet::{FULL_SCALE_M, Tile};
 use crate::verbs::near::BodyFinder;
 use anyhow::Result;
 use serde_json::{Value, json};
@@ -169,7 +169,7 @@ fn fitted_tiles(set: &FitSet, motion: &MotionClip, body: &softtissue_body::BodyM
         let alone = body.posed(&shaped, pose, None);
         let deltas = file.read(t..t + 1)?;
         let moved = body.posed(&shaped, pose, Some(deltas.frame(0)));
-        Ok(Tile::displaced(&moved, &body.topology.faces, &alone))
+        Ok(Tile::displaced(&moved, &body.topology.faces, &alone, FULL_SCALE_M))
     };
     (0..shown).map(tile).collect()
 }

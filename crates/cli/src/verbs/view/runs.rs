@@ -1,8 +1,11 @@
 //! Runs: what was to be predicted, what is, and what the fit made of the scan.
 
+use super::avatars;
 use super::choice::Asked;
 use super::shown::{Shown, title};
 use crate::args::ViewArgs;
+use crate::config::Method as Learns;
+use crate::exit::UsageError;
 use crate::pipeline::{BundleMethod, Kept, kept, shown};
 use crate::settings::stored;
 use crate::verbs::train::Provenance;
@@ -30,6 +33,12 @@ pub fn run(path: &Path, args: &ViewArgs, asked: &Asked, monitor: &dyn Monitor) -
     let provenance: Provenance = read_json(&path.join("provenance.json"))?;
     let data_dir = args.data_dir.clone().unwrap_or(provenance.data_dir);
     let kept = kept(path, &config, provenance.data.as_deref(), &data_dir, monitor)?;
+    if config.method == Learns::Autoavatar {
+        if args.fit {
+            return Err(UsageError("--fit is for runs that learn registered scans; leave it out".into()).into());
+        }
+        return avatars::run(path, &config, provenance.data.as_deref(), &kept, asked, monitor);
+    }
     let truth = kept.scans.open_truth()?;
     let method = method(path, &kept)?;
     let layers = LAYERS.0 + if args.fit { LAYERS.1 } else { 0 };

@@ -1,0 +1,73 @@
+//! Rollouts of avatars as clips to look at.
+
+use super::scene::AvatarScene;
+use anyhow::Result;
+use softtissue_avatar::{AvatarBody, AvatarClip, Conditioning, PoseSource};
+use softtissue_eval::surfaces::{HeightLayer, HeightView};
+use softtissue_eval::viewer::{Layer, ViewClip};
+use softtissue_geometry::Frames;
+use softtissue_implicit::FreeRollout;
+
+/// What turns heights into layers.
+pub struct AvatarShow<'a> {
+    /// The run.
+    pub scene: &'a AvatarScene<'a>,
+    /// What observers stand on.
+    pub avatar: &'a AvatarBody,
+    /// Which poses drive the body.
+    pub poses: PoseSource,
+}
+
+impl AvatarShow<'_> {
+    /// A clip from the first frame that has a history of `history`; nothing where it has none. `rollout` gives a network's
+    /// heights from there on. Layers: the scans' heights (`reference`), AutoAvatar (`predicted`), pose alone (`pose`), and
+    /// the true surface (`surface`) where it is known.
+    pub fn clip(
+        &self,
+        clip: &AvatarClip,
+        history: usize,
+        rollout: &dyn Fn(Conditioning) -> Option<FreeRollout>,
+    ) -> Result<Option<ViewClip>> {
+        let start = clip.frames.start.max(history).max(1);
+        if start >= clip.frames.end {
+            return Ok(None);
+        }
+        let frames = start..clip.frames.end;
+        let scene = self.scene;
+        let whole = scene.posed(self.poses, &clip.id)?;
+        let posed = part(&whole, frames.clone());
+        let spread = self.avatar.observers.vertices_from_observers(&scene.body.template, &scene.body.topology);
+        let view = HeightView {
+            topology: &scene.body.topology,
+            spread: &spread,
+            heights: &self.avatar.heights,
+            posed: &posed,
+        };
+        let named = [
+            ("predicted", "AutoAvatar", rollout(Conditioning::Autoregressive)),
+            ("pose", "Pose", rollout(Conditioning::Pose)),
+        ];
+        let mut layers = vec![HeightLayer { key: "reference", label: "Scan", heights: &clip.heights[frames.clone()] }];
+        layers.extend(named.iter().filter_map(|(key, label, free)| {
+            Some(HeightLayer { key, label, heights: &free.as_ref().filter(|f| f.start == start)?.heights })
+        }));
+        let fps = scene.config.descriptor.fps;
+        let mut shown = view.clip(clip.id.to_string(), fps, start as f32 / fps, &layers);
+        if let Some(truth) = scene.scans.open_truth()? {
+            let clean = truth.clean(&clip.id)?.vertices;
+            shown.layers.push(Layer {
+                key: "surface",
+                label: "True surface".into(),
+                over: None,
+                frames: part(&clean, frames),
+            });
+        }
+        Ok(Some(shown))
+    }
+}
+
+fn part(frames: &Frames, range: std::ops::Range<usize>) -> Frames {
+    let mut out = Frames::new(frames.points_per_frame());
+    range.for_each(|t| out.push(frames.frame(t)));
+    out
+}
