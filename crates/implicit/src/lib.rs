@@ -32,7 +32,7 @@ pub use observers::{ObserverFrame, Observers};
 pub use point_tree::{Neighbours, PointTree};
 pub use raw_surface::{RawSurface, RawSurfaceConfig, ScanHeights};
 pub use rollout::{
-    FreeRollout, MeshPredictor, PredictedSurface, RolloutClip, RolloutConfig, RolloutFigures, RolloutTally,
+    FreeRollout, MeshFrame, MeshPredictor, PredictedSurface, RolloutClip, RolloutConfig, RolloutFigures, RolloutTally,
     SurfacePredictor, drawn_over,
 };
 pub use samples::{SampleConfig, Samples};

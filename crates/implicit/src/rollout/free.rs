@@ -35,7 +35,10 @@ impl FreeRollout {
         for t in start..clip.frames.end {
             let surface = predictor.predict(t)?;
             let at = &clip.observers[t];
-            free.heights.push(heights(surface.as_ref(), &at.positions, &at.normals, &config.heights));
+            free.heights.push(match surface.predicted_heights() {
+                Some(own) => own.to_vec(),
+                None => heights(surface.as_ref(), &at.positions, &at.normals, &config.heights),
+            });
             if distances {
                 let scan = clip.scans[t].as_ref();
                 let distance = scan.map(|s| Ok(mean_distance(s.points(), surface.mesh(&at.positions)?.as_ref())));

@@ -1,26 +1,37 @@
 use super::{PredictedSurface, SurfacePredictor};
-use crate::{HeightConfig, ImplicitError, Interpolation, MeshField};
+use crate::{HeightConfig, ImplicitError, Interpolation, MeshField, SignedDistance};
 use glam::Vec3;
 use softtissue_geometry::{Mesh, Topology, vertex_normals};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Predicts what is known as a mesh for every frame: a method of registered meshes, or heights drawn over the posed body.
-pub struct MeshPredictor<F> {
-    mesh_of: F,
-    start: usize,
-    mesh: Mesh,
+/// A surface that is known as a mesh.
+#[derive(Clone, Debug)]
+pub struct MeshFrame {
+    /// The mesh, metres.
+    pub mesh: Mesh,
+    /// The heights over all observers, `[N]`, metres, that it was drawn from; none where they are read off the mesh. Read off
+    /// again they would not all be the same: where the body touches itself another part is met first.
+    pub heights: Option<Vec<f32>>,
 }
 
-impl<F: FnMut(usize, usize) -> Mesh> MeshPredictor<F> {
-    /// `mesh_of` gives the mesh at a frame, the second number, of the rollout that began at the first.
-    pub fn new(mesh_of: F) -> Self {
+/// Predicts what is known as a mesh for every frame: a method of registered meshes, or heights drawn over the posed body.
+pub struct MeshPredictor<F> {
+    frame_of: F,
+    start: usize,
+    frame: MeshFrame,
+}
+
+impl<F: FnMut(usize, usize) -> MeshFrame> MeshPredictor<F> {
+    /// `frame_of` gives the surface at a frame, the second number, of the rollout that began at the first.
+    pub fn new(frame_of: F) -> Self {
         let none = Topology { vertex_count: 0, faces: Vec::new(), quads: Vec::new() };
-        Self { mesh_of, start: 0, mesh: Mesh::new(Vec::new(), Arc::new(none)) }
+        let frame = MeshFrame { mesh: Mesh::new(Vec::new(), Arc::new(none)), heights: None };
+        Self { frame_of, start: 0, frame }
     }
 }
 
-impl<F: FnMut(usize, usize) -> Mesh> SurfacePredictor for MeshPredictor<F> {
+impl<F: FnMut(usize, usize) -> MeshFrame> SurfacePredictor for MeshPredictor<F> {
     type Error = ImplicitError;
 
     fn restart(&mut self, start: usize) -> Result<(), ImplicitError> {
@@ -29,14 +40,31 @@ impl<F: FnMut(usize, usize) -> Mesh> SurfacePredictor for MeshPredictor<F> {
     }
 
     fn predict(&mut self, t: usize) -> Result<Box<dyn PredictedSurface + '_>, ImplicitError> {
-        self.mesh = (self.mesh_of)(self.start, t);
-        Ok(Box::new(MeshField::new(&self.mesh)))
+        self.frame = (self.frame_of)(self.start, t);
+        let MeshFrame { mesh, heights } = &self.frame;
+        Ok(Box::new(KnownMesh { field: MeshField::new(mesh), heights: heights.as_deref() }))
     }
 }
 
-impl PredictedSurface for MeshField<'_> {
+/// A mesh's field, and what it was drawn from.
+struct KnownMesh<'a> {
+    field: MeshField<'a>,
+    heights: Option<&'a [f32]>,
+}
+
+impl SignedDistance for KnownMesh<'_> {
+    fn values(&self, points: &[Vec3], out: &mut [f32]) {
+        self.field.values(points, out);
+    }
+}
+
+impl PredictedSurface for KnownMesh<'_> {
     fn mesh(&self, _: &[Vec3]) -> Result<Cow<'_, Mesh>, ImplicitError> {
-        Ok(Cow::Borrowed(self.source()))
+        Ok(Cow::Borrowed(self.field.source()))
+    }
+
+    fn predicted_heights(&self) -> Option<&[f32]> {
+        self.heights
     }
 }
 

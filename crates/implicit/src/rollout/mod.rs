@@ -6,7 +6,7 @@ mod free;
 mod meshes;
 
 pub use free::FreeRollout;
-pub use meshes::{MeshPredictor, drawn_over};
+pub use meshes::{MeshFrame, MeshPredictor, drawn_over};
 
 use crate::{
     HeightConfig, ImplicitError, ObserverFrame, RawSurface, SignedDistance, VolumeProbe, VolumeProbeConfig, heights,
@@ -62,6 +62,11 @@ pub trait PredictedSurface: SignedDistance {
     /// # Errors
     /// A surface that no mesh can be made of.
     fn mesh(&self, points: &[Vec3]) -> Result<Cow<'_, Mesh>, ImplicitError>;
+
+    /// Its heights over all observers, `[N]`, metres, where they are what was predicted; otherwise they are read off it.
+    fn predicted_heights(&self) -> Option<&[f32]> {
+        None
+    }
 }
 
 /// What predicts the surfaces of a clip frame by frame.
@@ -194,7 +199,10 @@ impl RolloutTally {
     ) {
         let at = &clip.observers[t];
         let pick = |field: &[Vec3]| clip.judged.iter().map(|i| field[*i]).collect::<Vec<Vec3>>();
-        let now = heights(surface, &pick(&at.positions), &pick(&at.normals), &config.heights);
+        let now = match surface.predicted_heights() {
+            Some(all) => clip.judged.iter().map(|i| all[*i]).collect(),
+            None => heights(surface, &pick(&at.positions), &pick(&at.normals), &config.heights),
+        };
         if let Some(last) = &before.heights {
             let seen = |i: usize| clip.known[t][i] && clip.known[t - 1][i];
             for ((i, now), last) in clip.judged.iter().zip(&now).zip(last).filter(|((i, _), _)| seen(**i)) {

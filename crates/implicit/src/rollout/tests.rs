@@ -193,7 +193,6 @@ fn ball_mesh() -> Mesh {
 fn a_mesh_is_a_prediction_too() {
     let mesh = ball_mesh();
     let field = MeshField::new(&mesh);
-    assert_eq!(field.mesh(&[]).unwrap().positions, mesh.positions);
     let at = [Vec3::X * 0.095];
     let height = heights(&field, &at, &[Vec3::X], &HeightConfig::default());
     assert!((height[0] - 0.005).abs() < 2e-4, "{}", height[0]);
@@ -201,7 +200,8 @@ fn a_mesh_is_a_prediction_too() {
     let grown = |factor: f32| Mesh::new(mesh.positions.iter().map(|p| *p * factor).collect(), mesh.topology.clone());
     let figures = |of: &dyn Fn(usize, usize) -> f32| {
         on_the_clip(&[], |clip| {
-            let mut meshes = MeshPredictor::new(|start, t| grown(10.0 * of(start, t)));
+            let frame = |start, t| MeshFrame { mesh: grown(10.0 * of(start, t)), heights: None };
+            let mut meshes = MeshPredictor::new(frame);
             let mut tally = RolloutTally::default();
             tally.add(&mut meshes, clip, &RolloutConfig::default()).unwrap();
             tally.figures()
@@ -212,6 +212,17 @@ fn a_mesh_is_a_prediction_too() {
     assert!((exact.height_energy.unwrap() - 1.0).abs() < 0.02, "{exact:?}");
     let late = figures(&|start, t| radius(t) + 0.001 * (t + 1 - start) as f32);
     assert!((late.distance_mm[&8] - 8.0).abs() < 0.15, "{late:?}");
+
+    // heights that are kept stand still, whatever is read off the mesh
+    on_the_clip(&[], |clip| {
+        let frame = |_, t| MeshFrame { mesh: grown(10.0 * radius(t)), heights: Some(vec![0.01; 60]) };
+        let mut kept = MeshPredictor::new(frame);
+        let mut tally = RolloutTally::default();
+        tally.add(&mut kept, clip, &RolloutConfig::default()).unwrap();
+        assert_eq!(tally.figures().height_energy, Some(0.0));
+        let free = FreeRollout::of(&mut kept, clip, &RolloutConfig::default(), false).unwrap();
+        assert!(free.heights.iter().all(|h| *h == [0.01; 60]));
+    });
 }
 
 #[test]

@@ -17,7 +17,7 @@ use softtissue_eval::viewer::ViewClip;
 use softtissue_eval::{BodyAlone, Method};
 use softtissue_geometry::{Frames, Mesh};
 use softtissue_implicit::{
-    FreeRollout, MeshPredictor, RolloutClip, RolloutConfig, RolloutTally, SurfacePredictor, drawn_over,
+    FreeRollout, MeshFrame, MeshPredictor, RolloutClip, RolloutConfig, RolloutTally, SurfacePredictor, drawn_over,
 };
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -191,7 +191,8 @@ impl<'a> Judge<'a> {
             let (spread, heights) = (&spread, &self.avatar.heights);
             MeshPredictor::new(move |start, t| {
                 let last = &clip.heights[start - 1];
-                Mesh::new(drawn_over(posed.frame(t), topology, spread, last, heights), topology.clone())
+                let drawn = drawn_over(posed.frame(t), topology, spread, last, heights);
+                MeshFrame { mesh: Mesh::new(drawn, topology.clone()), heights: Some(last.clone()) }
             })
         })?;
         if bundles.is_empty() {
@@ -207,7 +208,8 @@ impl<'a> Judge<'a> {
             // they have seen the motions of the other set whole
             self.row(metrics, [&[], &sets.extrapolation], method.name(), |clip| {
                 let meshes = &meshes[&clip.id.to_string()];
-                MeshPredictor::new(move |_, t| Mesh::new(meshes.frame(t).to_vec(), topology.clone()))
+                let mesh = |t| Mesh::new(meshes.frame(t).to_vec(), topology.clone());
+                MeshPredictor::new(move |_, t| MeshFrame { mesh: mesh(t), heights: None })
             })?;
         }
         Ok(())
