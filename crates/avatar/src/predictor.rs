@@ -150,19 +150,22 @@ mod tests {
     use softtissue_train::{Clips, Stage, Trainee};
     use std::sync::Arc;
 
-    fn learned(body: &Arc<AvatarBody>, steps: u64) -> AvatarNetwork {
-        let [teacher, _] = AvatarConfig::default().stages();
-        let sampling = SampleConfig { surface: 60, near: 40, within: 20, ..teacher.sampling };
-        let config = StageConfig { steps, learning_rate: 3e-3, sampling, ..teacher };
-        let stage = Stage { name: "autoavatar/test".into(), seed: 1, device: Device::flex() };
+    /// Both stages, of so many steps.
+    fn learned(body: &Arc<AvatarBody>, steps: [u64; 2]) -> AvatarNetwork {
         let conditioning = Conditioning::Autoregressive;
-        let network = AvatarTrainee::untrained(body, conditioning, &stage);
+        let stage = || Stage { name: "autoavatar/test".into(), seed: 1, device: Device::flex() };
         let clips = Arc::new(Clips { train: vec![breathing(30, 0.0)], validation: vec![breathing(30, 1.7)] });
-        let mut trainee =
-            AvatarTrainee::new(&config, &LossWeights::default(), conditioning, stage, Arc::clone(body), network, clips)
+        let mut network = AvatarTrainee::untrained(body, conditioning, &stage());
+        for (whole, steps) in AvatarConfig::default().stages().into_iter().zip(steps) {
+            let sampling = SampleConfig { surface: 60, near: 40, within: 20, ..whole.sampling };
+            let config = StageConfig { steps, learning_rate: 3e-3, sampling, ..whole };
+            let (body, clips, weights) = (Arc::clone(body), Arc::clone(&clips), LossWeights::default());
+            let mut trainee = AvatarTrainee::new(&config, &weights, conditioning, stage(), body, network, clips)
                 .expect("clips that are long enough");
-        (0..steps).for_each(|step| drop(trainee.step(step).expect("a step")));
-        trainee.into_network().valid()
+            (0..steps).for_each(|step| drop(trainee.step(step).expect("a step")));
+            network = trainee.into_network();
+        }
+        network.valid()
     }
 
     /// A minute of frames on the network's own heights, of which it has learned half a second: they stay where the true
@@ -170,7 +173,7 @@ mod tests {
     #[test]
     fn heights_stay_bounded_over_3600_frames() {
         let body = Arc::new(ball(&Device::flex()));
-        let network = learned(&body, 200);
+        let network = learned(&body, [300, 300]);
         let candidate =
             Candidate { body: &body, conditioning: Conditioning::Autoregressive, network: &network, grid: 24 };
         let clip = breathing(60, 0.0);
