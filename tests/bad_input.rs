@@ -91,6 +91,18 @@ fn own_scans_without_test_clips_are_not_judged_by_training_clips() {
 }
 
 #[test]
+fn there_is_flesh_to_learn() {
+    let out = folder("no-flesh").join("run");
+    let mut command = tiny_train(&tiny_run().config, &out);
+    let all = "subspace.still=[\"belly\", \"chest\", \"buttocks\", \"thighs\", \"upper-arms\", \"calves\", \"head\", \
+               \"hands\", \"feet\", \"rest\"]";
+    command.args(["--no-eval", "--set", all]);
+    Said::of(&command.output().expect("the command starts")).refused(3, &["soft tissue", "subspace.still"]);
+    assert!(!out.join("bundle").exists());
+    softtissue(&["config", "check", "--set", "subspace.still=[\"nose\"]"]).refused(2, &["nose", "hands"]);
+}
+
+#[test]
 fn a_training_that_diverges_has_a_code_of_its_own() {
     let out = folder("diverged").join("run");
     let mut command = tiny_train(&tiny_run().config, &out);

@@ -1,6 +1,7 @@
 //! Principal components of the training clips' scan deltas, mirrored clips included.
 
 use super::context::{Context, Place, damaged};
+use crate::exit::InputError;
 use anyhow::Result;
 use softtissue_body::{BodyModel, Region};
 use softtissue_bundle::DeltaBasis;
@@ -42,6 +43,8 @@ impl FrameSource for Deltas<'_> {
     }
 }
 
+/// Variance of all vertices together, m^2, under which nothing moves: a micrometre.
+const LEAST_VARIANCE: f64 = 1e-12;
 /// Rings of vertices round a still region over which deltas come back.
 const RAMP: usize = 3;
 
@@ -82,6 +85,11 @@ pub fn learn_basis(context: &Context, place: &Place, body: &BodyModel, fit: &Fit
     let source = Deltas { of: &of, body, clips: &split.train, mirror: config.mirror, shares: &shares };
     let mut draws = Draws::new(context.config.seed, &place.stage("basis"), 0, 0);
     let pca = Pca::fit(&source, &config.pca, &mut draws, context.monitor)?;
+    if pca.total_variance < LEAST_VARIANCE {
+        let message = "there is no soft tissue to learn: what is left of the training clips after the fit does not move \
+                       outside the regions of subspace.still; take regions out of it, or train on scans that move";
+        return Err(InputError(message.into()).into());
+    }
     write(&pca, &place.fingerprint, &path)?;
     Ok(pca)
 }
