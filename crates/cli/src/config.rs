@@ -99,9 +99,9 @@ pub struct SubspaceConfig {
     pub sizes: Vec<usize>,
     /// Whether mirrored deltas are added. Default true.
     pub mirror: bool,
-    /// Regions that the components leave rigid: what is left there after a fit is its error and the scanner's. Default head,
-    /// hands and feet, which have no flesh to speak of, and calves, whose motion is learned no nearer to scans than none.
-    /// `method = "casas-otaduy"` has components of its own that leave nothing out, as published.
+    /// Regions that `method = "softtissue"` leaves rigid: what is left there after a fit is its error and the scanner's.
+    /// Default head, hands and feet, which have no flesh to speak of, and calves, whose motion is learned no nearer to scans
+    /// than none. Published methods leave nothing out, as published.
     pub still: Vec<Region>,
     /// Principal components.
     pub pca: PcaConfig,
@@ -196,6 +196,16 @@ impl Default for Config {
             tuning: TuningConfig::default(),
             train: LoopConfig::default(),
             eval: EvalConfig::default(),
+        }
+    }
+}
+
+impl SubspaceConfig {
+    /// The regions that a method's components leave rigid.
+    pub fn still_of(&self, method: Method) -> &[Region] {
+        match method {
+            Method::Softtissue => &self.still,
+            Method::Softsmpl | Method::CasasOtaduy | Method::Dyna | Method::Autoavatar => &[],
         }
     }
 }

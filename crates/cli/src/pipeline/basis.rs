@@ -49,7 +49,8 @@ const LEAST_VARIANCE: f64 = 1e-12;
 const RAMP: usize = 3;
 
 /// Factor on each vertex's delta, `[V]`: 0 in the regions that stay still, which rises to 1 over a few rings of vertices
-/// round them. Soft regions are never held.
+/// round them. Soft regions are never held, which is why the player's still regions are blended otherwise: a level of detail
+/// may hold what is soft, and its edge then lies in what moves.
 fn moving_shares(body: &BodyModel, still: &[Region]) -> Vec<f32> {
     let adjacency = Adjacency::new(&body.topology);
     let regions = &body.regions.0;
@@ -81,7 +82,7 @@ pub fn learn_basis(context: &Context, place: &Place, body: &BodyModel, fit: &Fit
     }
     let config = &context.config.subspace;
     let of = |id: &ClipId| Ok(fit.deltas(id)?.deltas);
-    let shares = moving_shares(body, &config.still);
+    let shares = moving_shares(body, config.still_of(context.config.method));
     let source = Deltas { of: &of, body, clips: &split.train, mirror: config.mirror, shares: &shares };
     let mut draws = Draws::new(context.config.seed, &place.stage("basis"), 0, 0);
     let pca = Pca::fit(&source, &config.pca, &mut draws, context.monitor)?;
