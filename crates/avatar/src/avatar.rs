@@ -11,6 +11,7 @@ use glam::Vec3;
 use softtissue_body::{BodyModel, Region};
 use softtissue_implicit::{Atlas, HeightConfig, ObserverFrame, Observers, PointTree, SignedDistance, heights};
 use softtissue_model::host;
+use std::cell::OnceCell;
 use std::collections::VecDeque;
 
 /// Points that the field is asked for at once; bounds its memory.
@@ -141,6 +142,8 @@ pub struct AvatarField<'a> {
     features: Tensor<2>,
     observers: &'a ObserverFrame,
     tree: PointTree,
+    /// Read off once.
+    heights: OnceCell<Vec<f32>>,
 }
 
 impl<'a> AvatarField<'a> {
@@ -151,7 +154,8 @@ impl<'a> AvatarField<'a> {
         features: Tensor<2>,
         observers: &'a ObserverFrame,
     ) -> Self {
-        Self { body, network, features, observers, tree: PointTree::new(&observers.positions) }
+        let tree = PointTree::new(&observers.positions);
+        Self { body, network, features, observers, tree, heights: OnceCell::new() }
     }
 
     /// The observers of its frame.
@@ -159,13 +163,16 @@ impl<'a> AvatarField<'a> {
         self.observers
     }
 
-    /// Its signed heights over the observers, `[M]`, metres: the state that the next frame is predicted from.
-    pub fn heights(&self) -> Vec<f32> {
-        let config = &self.body.heights;
-        let mut found = heights(self, &self.observers.positions, &self.observers.normals, config);
-        let met: Vec<bool> = found.iter().map(|h| *h > config.lowest).collect();
-        self.body.close(&mut found, &met);
-        found
+    /// Its signed heights over the observers, `[M]`, metres, closed where it is not met: the state that the next frame is
+    /// predicted from.
+    pub fn heights(&self) -> &[f32] {
+        self.heights.get_or_init(|| {
+            let config = &self.body.heights;
+            let mut found = heights(self, &self.observers.positions, &self.observers.normals, config);
+            let met: Vec<bool> = found.iter().map(|h| *h > config.lowest).collect();
+            self.body.close(&mut found, &met);
+            found
+        })
     }
 
     /// Values and gradients at a few points.
@@ -242,16 +249,11 @@ impl<'a> Playback<'a> {
         }
         let field = AvatarField::new(self.body, self.network, features, observers);
         if self.conditioning.sees_heights() {
-            self.heights.push_back(field.heights());
+            self.heights.push_back(field.heights().to_vec());
             while self.heights.len() > self.body.config.history {
                 self.heights.pop_front();
             }
         }
         field
-    }
-
-    /// Heights of the last frames, the newest last.
-    pub fn heights(&self) -> impl Iterator<Item = &[f32]> {
-        self.heights.iter().map(Vec::as_slice)
     }
 }

@@ -1,8 +1,9 @@
 //! What tests share.
 
-use crate::NetworkConfig;
 use crate::avatar::AvatarBody;
 use crate::clip::AvatarClip;
+use crate::trainee::AvatarTrainee;
+use crate::{AvatarNetwork, Conditioning, LossWeights, NetworkConfig, StageConfig};
 use crate::features::PoseTrack;
 use crate::network::Ground;
 use crate::rows::WeightedRows;
@@ -11,9 +12,12 @@ use burn::tensor::{Device, Tensor};
 use glam::Vec3;
 use softtissue_clips::{ClipId, MotionClip, RawFrame};
 use softtissue_geometry::Frames;
-use softtissue_implicit::{HeightConfig, Interpolation, ObserverFrame, Observers, RawSurface, RawSurfaceConfig};
+use softtissue_implicit::{
+    HeightConfig, Interpolation, ObserverFrame, Observers, RawSurface, RawSurfaceConfig, SampleConfig,
+};
 use softtissue_random::Draws;
-use softtissue_train::{GradientMap, State, load_module, module_gradients, module_state};
+use softtissue_train::{Clips, GradientMap, Stage, State, load_module, module_gradients, module_state};
+use std::sync::Arc;
 
 /// A module with every parameter drawn anew, so that none is zero.
 pub fn shaken<M: Module>(module: M, size: f64, seed: u64) -> M {
@@ -112,4 +116,23 @@ pub fn breathing(frames: usize, phase: f32) -> AvatarClip {
         scans: (0..frames).map(|t| Some(scan(t))).collect(),
         frames: 0..frames,
     }
+}
+
+/// A trainee of one stage on half a second of breathing, with few points a frame and a learning rate for few steps; it begins
+/// with `network`, or with an untrained one.
+pub fn trainee(
+    body: &Arc<AvatarBody>,
+    whole: StageConfig,
+    steps: u64,
+    network: Option<AvatarNetwork>,
+    device: &Device,
+) -> AvatarTrainee {
+    let sampling = SampleConfig { surface: 60, near: 40, within: 20, ..whole.sampling };
+    let config = StageConfig { steps, learning_rate: 3e-3, sampling, ..whole };
+    let clips = Arc::new(Clips { train: vec![breathing(30, 0.0)], validation: vec![breathing(30, 1.7)] });
+    let stage = Stage { name: "autoavatar/test".into(), seed: 1, device: device.clone() };
+    let conditioning = Conditioning::Autoregressive;
+    let network = network.unwrap_or_else(|| AvatarTrainee::untrained(body, conditioning, &stage));
+    AvatarTrainee::new(&config, &LossWeights::default(), conditioning, stage, Arc::clone(body), network, clips)
+        .expect("clips that are long enough")
 }

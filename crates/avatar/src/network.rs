@@ -237,7 +237,7 @@ mod tests {
             let mut draws = Draws::new(1, "network", 0, 0);
             let network = AvatarNetwork::new(&body.config, conditioning, 3, 64, &mut draws, &device);
             let mut play = crate::Playback::new(&body, &network, conditioning, &clip.heights[..3]).expect("a history");
-            play.step(&clip.track, 3, &clip.observers[3]).heights()
+            play.step(&clip.track, 3, &clip.observers[3]).heights().to_vec()
         };
         let last = clip.heights[2][0];
         assert!(last > 0.015 && (last - clip.heights[1][0]).abs() > 1e-3, "{last}");

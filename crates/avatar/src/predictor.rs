@@ -52,14 +52,7 @@ impl<'a> Candidate<'a> {
             if monitor.should_stop() {
                 return Err(AvatarError::Stopped);
             }
-            let at = observers(t);
-            let field = playback.step(track, t, &at);
-            if self.conditioning.sees_heights() {
-                drop(field);
-                playback.heights().last().into_iter().for_each(&mut *see);
-            } else {
-                see(&field.heights());
-            }
+            see(playback.step(track, t, &observers(t)).heights());
         }
         Ok(())
     }
@@ -93,6 +86,10 @@ impl PredictedSurface for Drawn<'_> {
     fn mesh(&self, points: &[Vec3]) -> std::result::Result<Cow<'_, Mesh>, ImplicitError> {
         let cubes = MarchingCubes { resolution: self.grid, ..MarchingCubes::default() };
         Ok(Cow::Owned(cubes.surface_near(&self.field, points, REACH)?.mesh))
+    }
+
+    fn predicted_heights(&self) -> Option<&[f32]> {
+        Some(self.field.heights())
     }
 }
 
@@ -138,34 +135,26 @@ impl AvatarClip {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::checks::{ball, breathing};
-    use crate::trainee::AvatarTrainee;
-    use crate::{AvatarConfig, LossWeights, StageConfig};
+    use crate::AvatarConfig;
+    use crate::checks::{ball, breathing, trainee};
     use burn::module::Module;
     use burn::tensor::Device;
     use softtissue_clips::{ClipId, MotionClip};
     use softtissue_geometry::Frames;
-    use softtissue_implicit::{FreeRollout, RolloutConfig, RolloutTally, SampleConfig};
+    use softtissue_implicit::{FreeRollout, RolloutConfig, RolloutTally};
     use softtissue_monitor::Silent;
-    use softtissue_train::{Clips, Stage, Trainee};
+    use softtissue_train::Trainee;
     use std::sync::Arc;
 
     /// Both stages, of so many steps.
     fn learned(body: &Arc<AvatarBody>, steps: [u64; 2]) -> AvatarNetwork {
-        let conditioning = Conditioning::Autoregressive;
-        let stage = || Stage { name: "autoavatar/test".into(), seed: 1, device: Device::flex() };
-        let clips = Arc::new(Clips { train: vec![breathing(30, 0.0)], validation: vec![breathing(30, 1.7)] });
-        let mut network = AvatarTrainee::untrained(body, conditioning, &stage());
+        let mut network = None;
         for (whole, steps) in AvatarConfig::default().stages().into_iter().zip(steps) {
-            let sampling = SampleConfig { surface: 60, near: 40, within: 20, ..whole.sampling };
-            let config = StageConfig { steps, learning_rate: 3e-3, sampling, ..whole };
-            let (body, clips, weights) = (Arc::clone(body), Arc::clone(&clips), LossWeights::default());
-            let mut trainee = AvatarTrainee::new(&config, &weights, conditioning, stage(), body, network, clips)
-                .expect("clips that are long enough");
+            let mut trainee = trainee(body, whole, steps, network.take(), &Device::flex());
             (0..steps).for_each(|step| drop(trainee.step(step).expect("a step")));
-            network = trainee.into_network();
+            network = Some(trainee.into_network());
         }
-        network.valid()
+        network.expect("two stages").valid()
     }
 
     /// A minute of frames on the network's own heights, of which it has learned half a second: they stay where the true

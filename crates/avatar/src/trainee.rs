@@ -168,7 +168,7 @@ impl Trainee for AvatarTrainee {
                 // what it would see when playing; no gradient passes from frame to frame
                 let network = self.network.valid();
                 let field = AvatarField::new(&self.body, &network, features.inner(), &clip.observers[t]);
-                heights.push(field.heights());
+                heights.push(field.heights().to_vec());
             }
         }
         self.network = self.adam.step(self.network.clone(), &gradients, learning_rate);

@@ -193,7 +193,7 @@ pub fn animate(args: &AnimateArgs, format: Option<Format>, monitor: &dyn Monitor
     let to_vertices = avatar.observers.vertices_from_observers(&model.body.template, topology);
     let mut frames = Frames::new(model.body.vertex_count());
     play(&model, &avatar, &track, &posed, monitor, |_, field, posed| {
-        frames.push(&drawn_over(posed, topology, &to_vertices, &field.heights(), &avatar.heights));
+        frames.push(&drawn_over(posed, topology, &to_vertices, field.heights(), &avatar.heights));
         Ok(())
     })?;
     monitor.end();
@@ -233,7 +233,7 @@ fn play(
         let observers = avatar.observers.frame(&posed, &model.body.topology);
         let field = playback.step(track, t, &observers);
         if t < history {
-            heights.push(field.heights());
+            heights.push(field.heights().to_vec());
         }
         see(t, &field, &posed)?;
         monitor.advance(1, "");

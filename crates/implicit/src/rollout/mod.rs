@@ -63,7 +63,8 @@ pub trait PredictedSurface: SignedDistance {
     /// A surface that no mesh can be made of.
     fn mesh(&self, points: &[Vec3]) -> Result<Cow<'_, Mesh>, ImplicitError>;
 
-    /// Its heights over all observers, `[N]`, metres, where they are what was predicted; otherwise they are read off it.
+    /// Its heights over all observers, `[N]`, metres, where whoever predicts knows them; otherwise they are read off it, at the
+    /// lowest where it is not met.
     fn predicted_heights(&self) -> Option<&[f32]> {
         None
     }

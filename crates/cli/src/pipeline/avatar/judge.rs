@@ -230,7 +230,7 @@ impl<'a> Judge<'a> {
         Ok(scene.body.posed_frames(&shaped, &motion.rotations, &motion.translations, Some(&deltas)))
     }
 
-    /// A row, on the clips of the interpolation and of the extrapolation set; its rollouts through the clips of the extrapolation set.
+    /// A row, on the clips of the interpolation and of the extrapolation set; its rollouts through the latter.
     fn row<'c, P>(
         &self,
         metrics: &mut SurfaceMetrics,
@@ -300,16 +300,18 @@ impl<'a> Judge<'a> {
         let seconds = scene.config.eval.bounded_seconds.min(CYCLE_FRAMES / model.info.fps);
         let mut candidates = scene.interpolation(subject);
         candidates.extend(scene.own(subject, &scene.split.train, Part::Whole));
-        let feeding = model.networks.iter().filter(|l| l.conditioning.sees_heights());
-        let Some((id, _)) = candidates.into_iter().next().filter(|_| seconds > 0.0) else { return Ok(()) };
+        let feeding: Vec<_> = model.networks.iter().filter(|l| l.conditioning.sees_heights()).collect();
+        let Some((id, _)) = candidates.into_iter().next().filter(|_| seconds > 0.0 && !feeding.is_empty()) else {
+            return Ok(());
+        };
         let motion = scene.motion(model.info.poses, &id)?;
         let history = model.config.history;
+        let clips = scene.clips(self.avatar, model.info.poses, &[(id.clone(), Part::Whole)])?;
+        let Some(clip) = clips.first().filter(|c| c.heights.len() > history) else { return Ok(()) };
+        let long = looped(std::slice::from_ref(&motion), seconds);
+        let trace =
+            HeightTrace { regions: &self.regions, fps: model.info.fps, heights: &clip.heights, known: &clip.known };
         for learned in feeding {
-            let clips = scene.clips(self.avatar, model.info.poses, &[(id.clone(), Part::Whole)])?;
-            let Some(clip) = clips.first().filter(|c| c.heights.len() > history) else { return Ok(()) };
-            let long = looped(std::slice::from_ref(&motion), seconds);
-            let trace =
-                HeightTrace { regions: &self.regions, fps: model.info.fps, heights: &clip.heights, known: &clip.known };
             let candidate = Candidate {
                 body: self.avatar,
                 conditioning: learned.conditioning,
