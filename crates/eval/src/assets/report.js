@@ -1,9 +1,7 @@
 // Puts the data into charts and the viewer.
 
 (function () {
-  const data = JSON.parse(document.getElementById("data").textContent);
-  document.body.append(tip);
-  const at = (id) => document.getElementById(id);
+  const data = pageData();
   const colours = {};
   data.methods.filter((m) => m !== "body" && m !== "softtissue").forEach((m, i) => (colours[m] = colourOf(m, i)));
   const colour = (name, i) => colours[name] || colourOf(name, i || 0);
@@ -16,31 +14,20 @@
   const strong = (name) => name === "softtissue";
 
   // The first view of many lines shows the ones that matter; the others are a click away.
-  const asides = () => new Set(data.methods.filter((m) => m.includes("/") || ["mean", "ridge", "ar2-pooled"].includes(m)));
-  // A chart with a chooser: draws entry `index` and keeps what was switched off.
-  function chooser(id, entries, draw) {
-    const host = at(id);
-    if (!host || !entries.length) return () => {};
-    const state = { index: 0, hidden: asides() };
-    const redraw = () => lineChart(host, {
-      ...draw(entries[state.index]),
-      hidden: state.hidden,
-      choose: { label: "Choose a chart", names: entries.map((e) => e.name || e.clip), index: state.index, change: (i) => { state.index = i; redraw(); } },
-    });
-    return redraw;
-  }
+  const asides = data.methods.filter((m) => m.includes("/") || ["mean", "ridge", "ar2-pooled"].includes(m));
+  const lines = (id, entries, draw) => chooser(id, entries, asides, draw);
 
-  const drawTime = chooser("chart-time", data.over_time, (clip) => ({
+  const drawTime = lines("chart-time", data.over_time, (clip) => ({
     title: "Mean error", x: "seconds", xUnit: "s", y: "mm", unit: "mm", zero: true,
     series: series(clip.curves.map(([name, values]) => [name, values.map((y, t) => [t / clip.fps, y])])),
   }));
-  const drawSpectra = chooser("chart-spectra", data.spectra, (region) => ({
+  const drawSpectra = lines("chart-spectra", data.spectra, (region) => ({
     title: "Power over frequency, mean over clips", x: "hertz", xUnit: "Hz", y: "dB over 1 mm²/Hz", unit: "dB", floor: (top) => top - 50, series: series(region.curves),
   }));
-  const drawDecay = chooser("chart-decay", data.decays, (region) => ({
+  const drawDecay = lines("chart-decay", data.decays, (region) => ({
     title: "Regional mean along its main axis", x: "seconds after landing", xUnit: "s", y: "mm", unit: "mm", series: series(region.curves),
   }));
-  const drawTraining = chooser("chart-training", data.training, (stage) => ({
+  const drawTraining = lines("chart-training", data.training, (stage) => ({
     title: stage.name, x: "step", y: "", log: stage.curves.every(([, c]) => c.every(([, y]) => y > 0)), series: series(stage.curves),
   }));
 
@@ -50,13 +37,13 @@
     });
   }
 
-  const drawPeople = chooser("chart-people", data.people, (chart) => ({
+  const drawPeople = lines("chart-people", data.people, (chart) => ({
     title: chart.name, x: "beta 1 (heavier to the left)", y: "", zero: true, series: series(chart.curves),
   }));
-  const drawBmi = chooser("chart-bmi", data.bmi, (chart) => ({
+  const drawBmi = lines("chart-bmi", data.bmi, (chart) => ({
     title: chart.name, x: "body mass index, kg/m²", xUnit: "kg/m²", y: "", zero: true, series: series(chart.curves),
   }));
-  const drawSubspaceTime = chooser("chart-subspace-time", data.subspace_time, (clip) => ({
+  const drawSubspaceTime = lines("chart-subspace-time", data.subspace_time, (clip) => ({
     title: "Mean error of all vertices", x: "seconds", xUnit: "s", y: "mm", unit: "mm", zero: true, series: sizes(clip.curves),
   }));
 
@@ -84,26 +71,7 @@
     }
   }
 
-  const player = data.view && new Player(data.view);
-
-  function drawAll() {
-    [drawTime, drawSpectra, drawShapes, drawPeople, drawBmi, drawSubspaceTime, drawSubspacePeople, drawDecay, drawTraining, drawBars].forEach((draw) => draw());
-    if (player) player.chart();
-  }
-  drawAll();
-  let width = innerWidth;
-  addEventListener("resize", () => { if (innerWidth !== width) { width = innerWidth; drawAll(); } });
-
-  if (player) player.start().catch((error) => {
-    at("viewer").hidden = true;
-    at("viewer-missing").hidden = false;
-    at("viewer-missing").textContent = `The 3D view cannot be shown: ${error.message}. Everything else on this page works without it.`;
-  });
-
-  const root = document.documentElement;
-  at("theme").addEventListener("click", () => {
-    const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
-    root.dataset.theme = dark ? "light" : "dark";
-    if (player) player.show(player.frame);
-  });
+  runPage([
+    drawTime, drawSpectra, drawShapes, drawPeople, drawBmi, drawSubspaceTime, drawSubspacePeople, drawDecay, drawTraining, drawBars,
+  ], data.view);
 })();

@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn growth_over_an_hour_of_frames_is_seen() {
+    fn growth_over_a_minute_of_frames_is_seen() {
         let swing = |t: usize| (std::f32::consts::TAU * 4.0 * t as f32 / FPS).sin();
         let steady = cycle(|t| 0.01 + 0.01 * swing(t));
         assert_eq!((steady.frames, steady.clip.as_str()), (3600, "s00/x.0"));

@@ -11,6 +11,7 @@ const CSS: &str = include_str!("../assets/style.css");
 const CHARTS: &str = include_str!("../assets/charts.js");
 const CANVAS: &str = include_str!("../assets/canvas.js");
 const VIEWER: &str = include_str!("../assets/viewer.js");
+const PAGE: &str = include_str!("../assets/page.js");
 const VIEW: &str = include_str!("../assets/view.js");
 
 /// Panes that stand side by side at most.
@@ -128,7 +129,8 @@ fn options<'a, K: std::fmt::Display + PartialEq>(entries: impl Iterator<Item = (
     out
 }
 
-/// A page that stands alone: `body` between its tags, `data` for `script`, which runs after the charts and the viewer.
+/// A page that stands alone: `body` between its tags, `data` for `script`, which runs after
+/// what draws charts and the viewer.
 pub fn document(title: &str, body: &str, data: &impl Serialize, script: &str) -> Result<String> {
     let json = serde_json::to_string(data)
         .map_err(|e| EvalError::Refused(format!("the page's data cannot be written: {e}")))?
@@ -142,7 +144,7 @@ pub fn document(title: &str, body: &str, data: &impl Serialize, script: &str) ->
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:\">\
          <link rel=\"icon\" href=\"data:,\"><style>{CSS}</style></head><body>{body}\
          <footer>Made by softtissue. This file stands alone: it loads nothing.</footer>\
-         <script type=\"application/json\" id=\"data\">{json}</script><script>{CHARTS}{CANVAS}{VIEWER}{script}</script></body></html>"
+         <script type=\"application/json\" id=\"data\">{json}</script><script>{CHARTS}{CANVAS}{VIEWER}{PAGE}{script}</script></body></html>"
     );
     Ok(out)
 }
