@@ -173,3 +173,17 @@ fn what_cannot_be_shown_is_refused_with_a_sentence() {
     view(&scans, &["--body", &text(&other)]).refused(3, &[&count, "--body"]);
     assert!(!home.join("page.html").exists());
 }
+
+#[test]
+fn a_log_for_rerun_needs_a_build_that_writes_one() {
+    let dir = folder("view-log");
+    let log = dir.join("run.rrd");
+    let said = view(&tiny_run().path, &["--viz", &text(&log)]);
+    if cfg!(feature = "rerun") {
+        assert_eq!(said.fine().out.lines().last(), Some(text(&log).as_str()), "{}", said.out);
+        assert!(std::fs::read(&log).expect("a log").starts_with(b"RRF"));
+    } else {
+        said.refused(2, &["--viz", "--features rerun"]);
+        assert!(!log.exists());
+    }
+}

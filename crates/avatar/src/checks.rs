@@ -2,11 +2,11 @@
 
 use crate::avatar::AvatarBody;
 use crate::clip::AvatarClip;
-use crate::trainee::AvatarTrainee;
-use crate::{AvatarNetwork, Conditioning, LossWeights, NetworkConfig, StageConfig};
 use crate::features::PoseTrack;
 use crate::network::Ground;
 use crate::rows::WeightedRows;
+use crate::trainee::AvatarTrainee;
+use crate::{AvatarNetwork, Conditioning, LossWeights, NetworkConfig, StageConfig};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use glam::Vec3;

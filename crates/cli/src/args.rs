@@ -216,6 +216,10 @@ pub struct ViewArgs {
     /// The page to write [default: a temporary one].
     #[arg(long, value_name = "FILE.html")]
     pub out: Option<PathBuf>,
+    /// A log for the Rerun viewer to write, in the place of a page unless `--out` names one; needs a build with
+    /// `--features rerun`.
+    #[arg(long, value_name = "FILE.rrd")]
+    pub viz: Option<PathBuf>,
     /// The body that clips of ours were made with, whose triangles and bones they lack; otherwise one that lies near.
     #[arg(long, value_name = "FILE")]
     pub body: Option<PathBuf>,

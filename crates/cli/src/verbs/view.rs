@@ -24,6 +24,11 @@ use std::path::PathBuf;
 
 /// Runs the verb.
 pub fn run(args: &ViewArgs, signals: &Signals) -> Result<()> {
+    if args.viz.is_some() && !cfg!(feature = "rerun") {
+        let message = "--viz: this softtissue was built without logs for Rerun; build it with --features rerun, or leave \
+                       --viz out for a page";
+        return Err(UsageError(message.into()).into());
+    }
     let kind = Kind::of(&args.path)?;
     check_options(args, &kind)?;
     if matches!(kind, Kind::Bundle) {
@@ -31,12 +36,18 @@ pub fn run(args: &ViewArgs, signals: &Signals) -> Result<()> {
     }
     let terminal = Terminal::new(signals.clone(), false);
     let shown = shown_of(args, &kind, &terminal)?;
-    let out = args.out.clone().unwrap_or_else(|| temporary(&shown.title));
-    shown.write(&out)?;
-    if !args.no_browser {
-        browser::open(&std::path::absolute(&out)?.display().to_string());
+    #[cfg(feature = "rerun")]
+    if let Some(log) = &args.viz {
+        shown.log(log)?;
+        crate::print_line(&log.display().to_string());
     }
-    crate::print_line(&out.display().to_string());
+    if let Some(out) = args.out.clone().or_else(|| args.viz.is_none().then(|| temporary(&shown.title))) {
+        shown.write(&out)?;
+        if !args.no_browser {
+            browser::open(&std::path::absolute(&out)?.display().to_string());
+        }
+        crate::print_line(&out.display().to_string());
+    }
     Ok(())
 }
 
@@ -103,6 +114,7 @@ fn check_options(args: &ViewArgs, kind: &Kind) -> Result<()> {
         ("--clip", !args.clips.is_empty()),
         ("--range", args.range.is_some()),
         ("--out", args.out.is_some()),
+        ("--viz", args.viz.is_some()),
         ("--body", args.body.is_some()),
     ];
     if let Some((option, _)) = of_clips.iter().find(|(_, given)| *given && is_bundle) {

@@ -110,7 +110,11 @@ pub fn write(view: &View, path: &Path) -> Result<()> {
     Ok(write_atomic(path, |w| w.write_all(html.as_bytes()))?)
 }
 
-fn check(view: &View) -> Result<()> {
+/// Refuses what cannot be shown.
+///
+/// # Errors
+/// No clip, clips whose layers differ, layers of other sizes than the mesh, or more points than [`MOST_POINTS`].
+pub fn check(view: &View) -> Result<()> {
     let refuse = |reason: String| Err(EvalError::Refused(reason));
     let Some(first) = view.clips.first() else { return refuse(format!("{} has no clip to show", view.title)) };
     let vertices = first.layers.first().map_or(0, |l| l.frames.points_per_frame());

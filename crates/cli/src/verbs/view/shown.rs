@@ -39,16 +39,24 @@ impl Shown {
     /// Writes the page.
     pub fn write(&self, out: &Path) -> Result<()> {
         self.notes.iter().for_each(|note| crate::print_line(note));
-        let surface = Surface { faces: &self.faces, regions: self.regions.as_ref() };
-        let view = View {
+        Ok(write(&self.view(), out)?)
+    }
+
+    /// Writes a log for Rerun.
+    #[cfg(feature = "rerun")]
+    pub fn log(&self, out: &Path) -> Result<()> {
+        Ok(softtissue_rerun::write(&self.view(), out)?)
+    }
+
+    fn view(&self) -> View<'_> {
+        View {
             title: &self.title,
             about: &self.about,
             notes: &self.notes,
-            surface,
+            surface: Surface { faces: &self.faces, regions: self.regions.as_ref() },
             reference: self.reference,
             clips: &self.clips,
-        };
-        Ok(write(&view, out)?)
+        }
     }
 }
 
