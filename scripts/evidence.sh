@@ -297,6 +297,7 @@ index() {
     echo
     echo "Made by \`scripts/evidence.sh\`, size \`$size\`. The tables are as the command prints them, with the measures beside"
     echo "them as JSON; [what the figures mean](../measures.md) is told once. Seeds ${seeds[*]} where a table says so, ${seeds[0]} elsewhere."
+    echo "Parts are made one at a time: where the program has learned otherwise since, [results](../results.md) says so."
     echo
     echo "| table | what it is | judged |"
     echo "|---|---|---|"
