@@ -18,7 +18,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     /// From features to what the deltas are summed from; to the deltas where they are no such sum, or a mixture.
     pub(crate) fn predict(&mut self, report: &mut StepReport, watch: &mut impl Watch) {
         self.judge(report);
-        let (model, part) = (&self.bundle.model, self.part.as_ref());
+        let (model, part) = (&self.bundle.model, self.part.as_deref());
         if let Some(mixer) = &mut self.mixer {
             report.features_clipped = mixer.step(model, &self.features, part);
             mixer.mix(0.0, &mut self.answer);
@@ -37,7 +37,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         let basis = self.bundle.model.basis().filter(|_| self.mixer.is_none());
         if let (Some(basis), Some(coefficients)) = (basis, self.model_state.coefficients()) {
             let deltas = bytemuck::cast_slice_mut(&mut self.answer);
-            basis.add_blocks(coefficients, deltas, self.part.as_ref(), blocks);
+            basis.add_blocks(coefficients, deltas, self.part.as_deref(), blocks);
         }
     }
 
@@ -74,8 +74,8 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         }
         if let Some(features) = self.ahead.features(&self.features) {
             match &mut self.mixer {
-                Some(mixer) => mixer.look_ahead(model, features, self.part.as_ref()),
-                None => self.ahead.look(model, &self.model_state, &self.answer, self.part.as_ref()),
+                Some(mixer) => mixer.look_ahead(model, features, self.part.as_deref()),
+                None => self.ahead.look(model, &self.model_state, &self.answer, self.part.as_deref()),
             }
         }
         match &self.mixer {

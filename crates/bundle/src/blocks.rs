@@ -75,6 +75,10 @@ impl<T: Element> Blocks<T> {
     pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1
     }
+    /// Whether a block has anything but zeros.
+    pub(crate) fn moves(&self, block: usize) -> bool {
+        self.starts[block] < self.starts[block + 1]
+    }
     /// Bytes that a sum of all rows reads.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(&self.strips[..]) + size_of_val(&self.scale[..]) + size_of_val(&self.row[..])

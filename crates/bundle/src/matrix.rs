@@ -91,6 +91,25 @@ impl Matrix {
             Store::Bytes(blocks) => blocks.bytes(),
         }
     }
+    /// Whether a block of columns has anything but zeros.
+    pub(crate) fn moves(&self, block: usize) -> bool {
+        match &self.store {
+            Store::Whole(data) => {
+                let columns = block * BLOCK..((block + 1) * BLOCK).min(self.cols);
+                data.chunks_exact(self.cols).any(|row| row[columns.clone()].iter().any(|x| *x != 0.0))
+            }
+            Store::Half(_) => true,
+            Store::HalfBlocks(blocks) => blocks.moves(block),
+            Store::Bytes(blocks) => blocks.moves(block),
+        }
+    }
+    /// Bytes that a sum of its rows reads, blocks of zeros left out.
+    pub(crate) fn bytes_of_sums(&self) -> usize {
+        let Store::Whole(_) = &self.store else { return self.bytes() };
+        let columns = |block: usize| (self.cols - block * BLOCK).min(BLOCK);
+        let moving = (0..self.blocks()).filter(|b| self.moves(*b));
+        moving.map(columns).sum::<usize>() * self.rows * size_of::<f32>()
+    }
     /// Rows.
     pub fn rows(&self) -> usize {
         self.rows

@@ -217,7 +217,7 @@ impl ModelState {
 impl Model {
     /// Bytes of weights that a frame of this body reads.
     pub(crate) fn weight_bytes(&self, state: &ModelState) -> usize {
-        let basis = self.basis().map_or(0, |b| size_of_val(&b.mean[..]) + b.directions.bytes());
+        let basis = self.basis().map_or(0, |b| size_of_val(&b.mean[..]) + b.directions.bytes_of_sums());
         let networks = match (self, state) {
             (Self::Recurrent(m), ModelState::Recurrent(s)) => {
                 let units = m.subspace.decoder.units.iter().flat_map(|u| [&u.inner, &u.outer]);

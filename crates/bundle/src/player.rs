@@ -39,8 +39,10 @@ pub struct Player<B: Deref<Target = Bundle>> {
     pub(crate) model_state: ModelState,
     /// In the place of the model, where an animator asked for changes.
     pub(crate) mixer: Option<Mixer>,
-    /// Of the deltas, where not all are wanted.
-    pub(crate) part: Option<Part>,
+    /// What is computed of the deltas, where the model has a basis.
+    pub(crate) part: Option<Arc<Part>>,
+    /// All that moves, where the model has a basis.
+    whole: Option<Arc<Part>>,
     /// In the place of the moving body, where another shows the deltas.
     shown_on: Option<Retarget>,
     posing: Posing,
@@ -86,7 +88,8 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         }
         bundle.trust.check(&bundle.model).map_err(BundleError::Input)?;
         let correctives = Correctives::new(&bundle.body, bundle.model.precision());
-        Self::sharing(bundle, beta, Arc::new(descriptor), Arc::new(correctives))
+        let whole = bundle.model.basis().map(|basis| Arc::new(Part::whole(basis)));
+        Self::sharing(bundle, beta, Arc::new(descriptor), Arc::new(correctives), whole)
     }
 
     /// A player of another body, at rest, that shares with this one what does not depend on the body.
@@ -94,10 +97,17 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     where
         B: Clone,
     {
-        Self::sharing(self.bundle.clone(), beta, Arc::clone(&self.descriptor), Arc::clone(self.posing.correctives()))
+        let (descriptor, correctives) = (Arc::clone(&self.descriptor), Arc::clone(self.posing.correctives()));
+        Self::sharing(self.bundle.clone(), beta, descriptor, correctives, self.whole.clone())
     }
 
-    fn sharing(bundle: B, beta: &[f32], descriptor: Arc<Descriptor>, correctives: Arc<Correctives>) -> Result<Self> {
+    fn sharing(
+        bundle: B,
+        beta: &[f32],
+        descriptor: Arc<Descriptor>,
+        correctives: Arc<Correctives>,
+        whole: Option<Arc<Part>>,
+    ) -> Result<Self> {
         if let Some(i) = beta.iter().position(|b| !b.is_finite()) {
             return Err(BundleError::Input(format!("shape coefficient {i} as {}; give finite numbers", beta[i])));
         }
@@ -115,7 +125,8 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             trust: 1.0,
             answer: vec![Vec3::ZERO; v],
             mixer: None,
-            part: None,
+            part: whole.clone(),
+            whole,
             shown_on: None,
             posing: Posing::sharing(&bundle.body, correctives),
             posed: false,
@@ -156,7 +167,11 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     /// # Errors
     /// No component, more than there are, or a model without components.
     pub fn set_detail(&mut self, detail: &Detail) -> Result<()> {
-        self.part = Part::new(detail, &self.bundle.model, &self.bundle.body)?;
+        let part = || Part::of(detail, self.whole.as_deref(), &self.bundle.model, &self.bundle.body);
+        self.part = match *detail == Detail::default() {
+            true => self.whole.clone(),
+            false => Some(Arc::new(part()?)),
+        };
         Ok(())
     }
 
