@@ -18,6 +18,11 @@ pub fn colour_of_magnitude(x: f32) -> Colour {
     })
 }
 
+/// A colour in eight bits a channel, as files and screens have them; clamped.
+pub fn bytes_of_colour(linear: Colour) -> [u8; 3] {
+    linear.map(|c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8)
+}
+
 /// Colours of magnitudes against a full scale (in the same unit).
 pub fn colours_of_magnitudes(magnitudes: &[f32], full_scale: f32) -> Vec<Colour> {
     magnitudes.iter().map(|m| colour_of_magnitude(m / full_scale.max(f32::MIN_POSITIVE))).collect()

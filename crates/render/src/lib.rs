@@ -19,6 +19,6 @@ mod picture;
 mod scene;
 
 pub use camera::Camera;
-pub use colour::{Colour, colour_of_magnitude, colours_of_magnitudes};
+pub use colour::{Colour, bytes_of_colour, colour_of_magnitude, colours_of_magnitudes};
 pub use picture::{Picture, PictureError};
 pub use scene::{PLAIN, Scene};

@@ -1,4 +1,4 @@
-use crate::{Camera, Colour, Picture};
+use crate::{Camera, Colour, Picture, bytes_of_colour};
 use glam::Vec3;
 use rayon::prelude::*;
 use softtissue_geometry::vertex_normals;
@@ -96,7 +96,7 @@ impl Scene {
             .map(|i| {
                 let (x, y) = (i % width * n, i / width * n);
                 let sum: Vec3 = (0..n * n).map(|s| linear[(y + s / n) * w + x + s % n]).sum();
-                (sum * scale).to_array().map(|c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8)
+                bytes_of_colour((sum * scale).to_array())
             })
             .collect();
         Picture { width, height, pixels }

@@ -7,7 +7,7 @@ use re_sdk_types::{AsComponents, components::Color};
 use softtissue_eval::EvalError;
 use softtissue_eval::viewer::{Layer, View, ViewClip, check};
 use softtissue_geometry::vertex_normals;
-use softtissue_render::colours_of_magnitudes;
+use softtissue_render::{bytes_of_colour, colours_of_magnitudes};
 use softtissue_store::write_atomic;
 use std::io::Write;
 use std::path::Path;
@@ -47,7 +47,12 @@ fn log(view: &View, out: &mut dyn Write) -> Result<(), EncodeError> {
                 let mesh = Mesh3D::update_fields()
                     .with_vertex_positions(positions.iter().map(|p| p.to_array()))
                     .with_vertex_normals(normals.iter().map(|n| n.to_array()))
-                    .with_vertex_colors(colours_of_magnitudes(&magnitudes, shown.scale).into_iter().map(colour));
+                    .with_vertex_colors(
+                        colours_of_magnitudes(&magnitudes, shown.scale)
+                            .into_iter()
+                            .map(bytes_of_colour)
+                            .map(Color::from),
+                    );
                 log.at(t, seconds, &place, &mesh)?;
                 let mean = magnitudes.iter().map(|m| f64::from(*m)).sum::<f64>() / magnitudes.len() as f64;
                 log.at(t, seconds, &format!("{place}/mm"), &Scalars::new([1000.0 * mean]))?;
@@ -99,12 +104,6 @@ impl<'a> Shown<'a> {
         };
         own.iter().zip(&from).map(|(a, b)| a.distance(*b)).collect()
     }
-}
-
-/// Linear RGB as a colour of eight bits a channel.
-fn colour(linear: [f32; 3]) -> Color {
-    let [r, g, b] = linear.map(|x| (255.0 * x.clamp(0.0, 1.0).powf(1.0 / 2.2)).round() as u8);
-    Color::from_rgb(r, g, b)
 }
 
 /// A recording that is being written.
