@@ -1,6 +1,6 @@
 //! Stopping and going on: the same bytes as not stopping.
 
-use crate::support::{Said, bytes_below, folder, measures, tiny_run, tiny_train};
+use crate::support::{Said, bytes_below, command, folder, measures, tiny_run, tiny_train};
 use softtissue_random::Draws;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -122,6 +122,30 @@ fn a_second_signal_leaves_at_once() {
     assert_eq!(said.code, 143, "{}", said.err);
     assert!(begun.elapsed() < Duration::from_secs(20), "it does not wait for the work, which holds for a minute");
     assert!(!said.err.contains("--resume"), "nothing was saved, and nothing is claimed: {}", said.err);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn animate_stops_and_leaves_nothing() {
+    let out = folder("animate-stopped").join("a.glb");
+    let bundle = tiny_run().path.join("bundle");
+    let mut command = command();
+    command.arg("animate").arg("--bundle").arg(bundle).arg("--out").arg(&out);
+    command.args(["--motion", "synth:shake_hips", "--frames", "36000"]).env("SOFTTISSUE_PAUSE_AT", "animate:3");
+    let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the command starts");
+    let catches_signals = || {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
+        let caught = status.lines().find_map(|l| l.strip_prefix("SigCgt:")).map(str::trim);
+        caught.and_then(|mask| u64::from_str_radix(mask, 16).ok()).is_some_and(|mask| mask & 2 != 0)
+    };
+    let begun = Instant::now();
+    while !catches_signals() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "it never listened for Ctrl-C");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    signal(&child, "-INT");
+    end(child).refused(130, &["stopped", "nothing was written"]);
+    assert!(!out.exists());
 }
 
 #[test]

@@ -119,6 +119,7 @@ fn details(bundle: &Bundle, rotations: &Frames, translations: &[Vec3]) -> Result
                 sum += f64::from(player.deltas()[v].distance(expected.frame(t)[v]));
                 size += f64::from(expected.frame(t)[v].length());
             }
+            Ok(())
         })?;
         let mut times = vec![];
         for (t, root) in translations.iter().enumerate() {

@@ -104,6 +104,7 @@ impl SelfCheck {
                     worst = (t, i, difference);
                 }
             }
+            Ok(())
         })?;
         Ok(worst)
     }

@@ -69,6 +69,9 @@ pub enum BundleError {
         /// What is wrong and what to do.
         reason: String,
     },
+    /// The user asked to stop.
+    #[error("stopped; nothing was written")]
+    Stopped,
     /// Something handed to the player does not fit it.
     #[error("the player was given {0}")]
     Input(String),

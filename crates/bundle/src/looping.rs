@@ -50,12 +50,12 @@ impl LoopReport {
 impl<B: Deref<Target = Bundle>> Player<B> {
     /// Plays a motion, rotations `[T, J]` and translations `[T]`, round and round until each round is like the one before
     /// (within [`LOOP_MISMATCH_M`], or for a minute), and shows the round after that, frame by frame: its last frame runs
-    /// into its first one. A motion that travels starts each round where the last one ended.
+    /// into its first one. A motion that travels starts each round where the last one ended. An error of `show` ends the play.
     pub fn play_loop(
         &mut self,
         rotations: &Frames,
         translations: &[Vec3],
-        mut show: impl FnMut(usize, &mut Self),
+        mut show: impl FnMut(usize, &mut Self) -> Result<()>,
     ) -> Result<LoopReport> {
         self.check_motion(rotations, translations)?;
         self.reset();
@@ -77,7 +77,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         let mut round = Frames::zeros(self.deltas().len(), frames);
         // Deltas come `delay` steps after their poses.
         let mut step = 0;
-        let mut next = |player: &mut Self, play: &mut dyn FnMut(usize, &mut Self, &crate::StepReport)| loop {
+        let mut next = |player: &mut Self, play: &mut dyn FnMut(usize, &mut Self, &crate::StepReport) -> Result<()>| loop {
             let t = step % frames;
             if step > 0 && t == 0 {
                 player.relocate(translations[0] - translations[frames - 1] - seam.step);
@@ -91,7 +91,10 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         for rounds in 1..=most {
             let mut mismatch = 0.0f32;
             for _ in 0..frames {
-                next(self, &mut |t, player, _| mismatch = mismatch.max(renew(round.frame_mut(t), player.deltas())));
+                next(self, &mut |t, player, _| {
+                    mismatch = mismatch.max(renew(round.frame_mut(t), player.deltas()));
+                    Ok(())
+                })?;
             }
             (report.rounds, report.mismatch_m) = (rounds, mismatch);
             if rounds >= FEWEST_ROUNDS && report.is_closed() {
@@ -103,8 +106,8 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             next(self, &mut |t, player, said| {
                 report.mismatch_m = report.mismatch_m.max(renew(round.frame_mut(t), player.deltas()));
                 report.rollout.add(t, said);
-                show(t, player);
-            });
+                show(t, player)
+            })?;
         }
         Ok(report)
     }

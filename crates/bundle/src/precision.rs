@@ -102,6 +102,7 @@ impl PrecisionLoss {
             }
             self.count += soft.len();
             self.frames += 1;
+            Ok(())
         })?;
         Ok(())
     }
@@ -128,6 +129,7 @@ impl Bundle {
         Player::new(&reduced, beta)?.play(rotations, translations, |_, player| {
             let kept: Vec<Vec3> = vertices.iter().map(|v| player.deltas()[*v as usize]).collect();
             deltas.push(&kept);
+            Ok(())
         })?;
         reduced.self_check.deltas = deltas;
         Ok(reduced)

@@ -6,12 +6,12 @@ use std::ops::Deref;
 
 impl<B: Deref<Target = Bundle>> Player<B> {
     /// A whole motion from its start: rotations `[T, J]`, radians, and translations `[T]`, metres. `show` is called for
-    /// each frame in order, look-ahead taken out. Returns what the steps had to do.
+    /// each frame in order, look-ahead taken out; an error of its own ends the play. Returns what the steps had to do.
     pub fn play(
         &mut self,
         rotations: &Frames,
         translations: &[Vec3],
-        show: impl FnMut(usize, &mut Self),
+        show: impl FnMut(usize, &mut Self) -> Result<()>,
     ) -> Result<RolloutReport> {
         self.reset();
         self.play_on(rotations, translations, show)
@@ -22,7 +22,7 @@ impl<B: Deref<Target = Bundle>> Player<B> {
         &mut self,
         rotations: &Frames,
         translations: &[Vec3],
-        mut show: impl FnMut(usize, &mut Self),
+        mut show: impl FnMut(usize, &mut Self) -> Result<()>,
     ) -> Result<RolloutReport> {
         self.check_motion(rotations, translations)?;
         let (frames, delay) = (translations.len(), self.delay_frames());
@@ -31,14 +31,14 @@ impl<B: Deref<Target = Bundle>> Player<B> {
             let report = self.step(Pose { rotations: rotations.frame(t), translation: translations[t] });
             sum.add(t.saturating_sub(delay), &report);
             if !report.waiting {
-                show(t - delay, self);
+                show(t - delay, self)?;
             }
         }
         // The newest features last for the frames that still wait.
         for t in frames.saturating_sub(delay)..frames {
             let report = self.step_on(delay + t - frames);
             sum.add(t, &report);
-            show(t, self);
+            show(t, self)?;
         }
         Ok(sum)
     }
@@ -46,13 +46,19 @@ impl<B: Deref<Target = Bundle>> Player<B> {
     /// Deltas `[T, V]` of a whole motion from its start.
     pub fn rollout(&mut self, rotations: &Frames, translations: &[Vec3]) -> Result<Frames> {
         let mut frames = Frames::new(self.deltas().len());
-        self.play(rotations, translations, |_, player| frames.push(player.deltas()))?;
+        self.play(rotations, translations, |_, player| {
+            frames.push(player.deltas());
+            Ok(())
+        })?;
         Ok(frames)
     }
     /// Posed vertices with deltas `[T, V]` of a whole motion from its start.
     pub fn rollout_vertices(&mut self, rotations: &Frames, translations: &[Vec3]) -> Result<Frames> {
         let mut frames = Frames::new(self.deltas().len());
-        self.play(rotations, translations, |_, player| frames.push(player.vertices()))?;
+        self.play(rotations, translations, |_, player| {
+            frames.push(player.vertices());
+            Ok(())
+        })?;
         Ok(frames)
     }
 

@@ -118,6 +118,7 @@ fn of_bundle(error: &BundleError) -> Exit {
     match error {
         BundleError::Store(e) => of_store(e),
         BundleError::Body(e) => of_body(e),
+        BundleError::Stopped => Exit::Interrupted,
         _ => Exit::BadInput,
     }
 }

@@ -1,13 +1,21 @@
-//! How much memory the process has needed.
+//! How much memory the process has needed, and how much it can still have.
 
 /// The most memory that this process has held at once, bytes: `VmHWM` of Linux. `None` elsewhere.
 pub fn peak_memory_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    parse(&status)
+    read("/proc/self/status", "VmHWM:")
 }
 
-fn parse(status: &str) -> Option<u64> {
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+/// The memory that can be taken without anything being swapped out, bytes: `MemAvailable` of Linux. `None` elsewhere.
+pub fn available_memory_bytes() -> Option<u64> {
+    read("/proc/meminfo", "MemAvailable:")
+}
+
+fn read(file: &str, key: &str) -> Option<u64> {
+    parse(&std::fs::read_to_string(file).ok()?, key)
+}
+
+fn parse(text: &str, key: &str) -> Option<u64> {
+    let line = text.lines().find_map(|l| l.strip_prefix(key))?;
     let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim_end().parse().ok()?;
     Some(kibibytes * 1024)
 }
@@ -18,8 +26,8 @@ mod tests {
 
     #[test]
     fn the_high_water_mark_is_read() {
-        assert_eq!(parse("VmPeak:\t  900 kB\nVmHWM:\t    512 kB\nVmRSS:\t 1 kB\n"), Some(512 * 1024));
-        assert_eq!(parse("VmRSS:\t 1 kB\n"), None);
+        assert_eq!(parse("VmPeak:\t  900 kB\nVmHWM:\t    512 kB\nVmRSS:\t 1 kB\n", "VmHWM:"), Some(512 * 1024));
+        assert_eq!(parse("VmRSS:\t 1 kB\n", "VmHWM:"), None);
     }
 
     #[test]
@@ -28,5 +36,6 @@ mod tests {
         let before = peak_memory_bytes().unwrap();
         let block = std::hint::black_box(vec![1u8; before as usize + (8 << 20)]);
         assert!(peak_memory_bytes().unwrap() > block.len() as u64);
+        assert!((1 << 20..1 << 50).contains(&available_memory_bytes().unwrap()));
     }
 }

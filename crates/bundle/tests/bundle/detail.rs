@@ -11,7 +11,10 @@ fn played(bundle: &Bundle, detail: &Detail, controls: &Controls) -> Vec<(Vec<Vec
     player.set_controls(controls).unwrap();
     player.set_detail(detail).unwrap();
     let mut frames = vec![];
-    let keep = |_, player: &mut Player<&Bundle>| frames.push((player.deltas().to_vec(), player.latent().to_vec()));
+    let keep = |_, player: &mut Player<&Bundle>| {
+        frames.push((player.deltas().to_vec(), player.latent().to_vec()));
+        Ok(())
+    };
     player.play(&rotations, &translations, keep).unwrap();
     frames
 }

@@ -290,7 +290,7 @@ fn a_rollout_says_where_trust_was_least() {
     let (mut rotations, translations) = motion(60);
     rotations.frame_mut(33)[1] = Vec3::new(1.5, 0.0, -2.0);
     let mut player = Player::new(&bundle, &[]).unwrap();
-    let report = player.play(&rotations, &translations, |_, _| {}).unwrap();
+    let report = player.play(&rotations, &translations, |_, _| Ok(())).unwrap();
     assert!(report.least_trust < 0.5 && (33..38).contains(&report.least_trust_frame), "{report:?}");
 }
 
@@ -366,6 +366,7 @@ fn a_loop_runs_into_its_own_beginning() {
             deltas.push(player.deltas());
             let still = player.body_alone().fold(Vec3::ZERO, |sum, v| sum + v);
             roots.push(still / bundle.body.vertex_count() as f32);
+            Ok(())
         });
         (report.unwrap(), deltas, roots)
     };

@@ -169,6 +169,7 @@ fn bad_input_66_a_teleport_is_no_motion() {
             for (x, s) in player.vertices().iter().zip(there.frame(t)) {
                 assert!(x.distance(*s + shift) < 2e-3, "frame {t}");
             }
+            Ok(())
         })
         .map(|report| teleports = report.teleports)
         .unwrap();

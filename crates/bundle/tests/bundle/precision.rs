@@ -52,6 +52,7 @@ fn a_rollout_in_fewer_bits_is_the_documented_sum_of_its_numbers_in_f64() {
             .play(&rotations, &translations, |_, player| {
                 features.extend_from_slice(player.features());
                 deltas.push(player.deltas().to_vec());
+                Ok(())
             })
             .unwrap();
         let latents = reference::regress(&model.regressor, &features, &beta);

@@ -50,7 +50,10 @@ impl Method for BundleMethod {
         sink: &mut dyn FnMut(&[glam::Vec3]),
     ) -> Result<(), MethodError> {
         let mut player = self.player(beta)?;
-        player.play(&motion.rotations, &motion.translations, |_, player| sink(player.deltas()))?;
+        player.play(&motion.rotations, &motion.translations, |_, player| {
+            sink(player.deltas());
+            Ok(())
+        })?;
         Ok(())
     }
     fn frame_times(

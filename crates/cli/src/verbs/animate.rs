@@ -1,7 +1,8 @@
 //! `animate`: a bundle and a motion to an animated mesh.
 
 use crate::args::AnimateArgs;
-use crate::exit::UsageError;
+use crate::exit::{InputError, UsageError};
+use crate::memory::available_memory_bytes;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use crate::verbs::animation_format::Format;
@@ -11,6 +12,7 @@ use crate::verbs::contact_sheet::ContactSheet;
 use crate::verbs::controls::{controls, detail, rest_mesh};
 use crate::verbs::motion::{Wanted, motion};
 use anyhow::Result;
+use glam::Vec3;
 use serde_json::json;
 use softtissue_avatar::AvatarModel;
 use softtissue_body::Pose;
@@ -58,6 +60,9 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     }
     let wanted = Wanted { name: &args.motion, foreign: &args.foreign, frames: args.frames };
     let motion = motion(&wanted, &bundle.body, &beta, bundle.descriptor.fps, &terminal)?;
+    if let Some(free) = available_memory_bytes() {
+        fits(motion.len(), bundle.body.vertex_count(), free)?;
+    }
     let (frames, facts) = play(args, &mut player, &motion, &terminal)?;
     let Some(format) = format else {
         player.set_controls(&Controls::gain(0.0))?;
@@ -71,6 +76,21 @@ pub fn run(args: &AnimateArgs, signals: &Signals) -> Result<()> {
     let line = format.write(&args.out, &name, &bundle.body, &extras, &frames, motion.fps, &terminal)?;
     crate::print_line(&format!("{line}; {facts}"));
     Ok(())
+}
+
+/// Whether the posed vertices of all frames, which are held until they are written, fit into `free` bytes.
+fn fits(frames: usize, vertices: usize, free: u64) -> Result<()> {
+    let needed = (frames * vertices * size_of::<Vec3>()) as u64;
+    if needed <= free {
+        return Ok(());
+    }
+    let gb = |bytes: u64| bytes as f64 / 1e9;
+    Err(InputError(format!(
+        "{frames} frames of {vertices} vertices need {:.1} GB of memory, of which {:.1} GB are free; cut the motion",
+        gb(needed),
+        gb(free)
+    ))
+    .into())
 }
 
 /// Whom a mixture of people does not reach, it cannot move.
@@ -96,8 +116,12 @@ fn play(
     let mut frames = Frames::new(player.bundle().body.vertex_count());
     monitor.begin("animate", motion.len() as u64, "frames");
     let show = |_, player: &mut Player<&Bundle>| {
+        if monitor.should_stop() {
+            return Err(BundleError::Stopped);
+        }
         frames.push(player.vertices());
         monitor.advance(1, "");
+        Ok(())
     };
     let facts = if args.looped {
         let report = player.play_loop(rotations, translations, show)?;
@@ -152,5 +176,17 @@ fn asked(error: BundleError) -> anyhow::Error {
     match error {
         BundleError::Input(_) => UsageError(error.to_string()).into(),
         other => other.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_motion_beyond_the_memory_is_refused_before_it_is_played() {
+        assert!(fits(1000, 100, 1_200_000).is_ok());
+        let said = fits(1000, 100, 1_199_999).unwrap_err().to_string();
+        assert!(said.contains("1000 frames of 100 vertices"), "{said}");
     }
 }

@@ -1,5 +1,10 @@
 use super::UpAxis;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
+
+/// Frames a second that a motion can have. At less than one a second nothing of a movement is left, and what lies between
+/// two frames would be made up.
+pub const RATES: RangeInclusive<f64> = 1.0..=1000.0;
 
 /// How a foreign motion is read. What is `None` is taken from the file or guessed.
 #[derive(Clone, Debug, Default)]

@@ -22,7 +22,7 @@ mod resample;
 mod retarget;
 mod text;
 
-pub use config::{MotionConfig, MotionLimits, RetargetConfig};
+pub use config::{MotionConfig, MotionLimits, RATES, RetargetConfig};
 pub use foreign::{ForeignMotion, ForeignPose, ForeignSkeleton};
 pub use guess::{MotionUnits, UpAxis};
 pub use person::{Arm, Leg, Naming, Person};

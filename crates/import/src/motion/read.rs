@@ -5,7 +5,7 @@ use super::cmu_wrists;
 use super::foreign::ForeignMotion;
 use super::guess::{MotionUnits, UpAxis, guess_units, guess_up};
 use super::person::Person;
-use super::{MotionConfig, resample::axis_angle};
+use super::{MotionConfig, RATES, resample::axis_angle};
 use crate::{ImportError, Result};
 use serde::Serialize;
 use std::path::Path;
@@ -124,8 +124,9 @@ pub fn read_bvh_bytes(name: &Path, bytes: &[u8], config: &MotionConfig) -> Resul
 }
 
 fn check(path: &Path, config: &MotionConfig) -> Result<()> {
-    if let Some(fps) = config.fps.filter(|fps| !(*fps > 0.0 && *fps <= 1000.0)) {
-        return Err(ImportError::file(path, format!("a rate of {fps} is not between 0 and 1000 frames a second")));
+    if let Some(fps) = config.fps.filter(|fps| !RATES.contains(fps)) {
+        let reason = format!("a rate of {fps} frames a second; state {} to {}", RATES.start(), RATES.end());
+        return Err(ImportError::file(path, reason));
     }
     if let Some(units) = config.units_m.filter(|u| !(*u >= 1e-6 && *u <= 1e3)) {
         return Err(ImportError::file(path, format!("a unit of {units} m is none; state --units")));
@@ -226,7 +227,7 @@ fn begins_with_reference(motion: &ForeignMotion) -> bool {
 
 /// A rate that a file states, without the rounding of its last digits; `None` where it is no rate.
 pub(super) fn snapped_rate(fps: f64) -> Option<f64> {
-    if !(fps.is_finite() && fps > 0.0 && fps <= 1000.0) {
+    if !RATES.contains(&fps) {
         return None;
     }
     let whole = fps.round();

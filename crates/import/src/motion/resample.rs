@@ -1,5 +1,6 @@
 //! Motions at another rate: splines in the space of rotations.
 
+use super::MotionLimits;
 use crate::{ImportError, Result};
 use glam::{DQuat, DVec3};
 use softtissue_clips::MotionClip;
@@ -14,20 +15,26 @@ use std::path::Path;
 /// moves faster than half the new rate is folded down.
 ///
 /// # Errors
-/// Less than two frames are left; `source` is named.
+/// Less than two frames are left, or more than [`MotionLimits`] has rotations for; `source` is named.
 pub fn resample(clip: &MotionClip, fps: f32, source: &Path) -> Result<MotionClip> {
     if clip.fps == fps {
         return Ok(clip.clone());
     }
     let last = clip.len().saturating_sub(1) as f64;
     let step = f64::from(clip.fps) / f64::from(fps);
+    let joints = clip.rotations.points_per_frame();
     // A last frame that is missed by rounding alone counts.
-    let frames = (last / step + 1e-6).floor() as usize + 1;
+    let frames = (last / step + 1e-6).floor() + 1.0;
+    let most = MotionLimits::default().rotations / joints.max(1);
+    if frames > most as f64 {
+        let reason = format!("{} frames at {} a second are more than {most} at {fps}; cut it", clip.len(), clip.fps);
+        return Err(ImportError::file(source, reason));
+    }
+    let frames = frames as usize;
     if frames < 2 {
         let reason = format!("{} frames at {} a second leave one at {fps}; it is too short", clip.len(), clip.fps);
         return Err(ImportError::file(source, reason));
     }
-    let joints = clip.rotations.points_per_frame();
     let mut out =
         MotionClip { id: clip.id.clone(), fps, rotations: Frames::zeros(joints, frames), translations: vec![] };
     let times: Vec<(usize, f64)> = (0..frames)

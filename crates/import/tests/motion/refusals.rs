@@ -38,6 +38,8 @@ fn bad_bvh_files_are_refused_with_their_line() {
         ("Time: 0.01", "Time: 0", "line 13: a frame time of \"0\""),
         ("Time: 0.01", "Time: -0.01", "line 13"),
         ("Time: 0.01", "Time: NaN", "line 13"),
+        ("Time: 0.01", "Time: 1000", "line 13: a frame time of \"1000\" s; correct it, or state --source-fps"),
+        ("Time: 0.01", "Time: 1e-9", "line 13"),
         ("1 2 3 4 5 6\n1", "1 2 3 4 5\n1", "line 14: 5 numbers, but the skeleton has 6 channels"),
         ("1 2 3 4 5 6\n1", "1 2 3 4 5 6 7\n1", "line 14: more than 6 numbers"),
         ("5 6\n1", "nan 6\n1", "line 14: the number nan is not finite"),
@@ -48,6 +50,15 @@ fn bad_bvh_files_are_refused_with_their_line() {
         assert!(BVH.contains(from), "{from}");
         let said = message("bad.bvh", &BVH.replacen(from, to, 1));
         assert!(said.contains("bad.bvh") && said.contains(says), "{from:?} -> {to:?}: {said}");
+    }
+}
+
+#[test]
+fn a_stated_rate_that_is_none_is_refused() {
+    for fps in [0.0, -60.0, 0.99, 1001.0, f64::NAN, f64::INFINITY] {
+        let config = MotionConfig { fps: Some(fps), ..Default::default() };
+        let said = read_motion(&data("cmu_01_01.bvh"), &config).unwrap_err().to_string();
+        assert!(said.contains("cmu_01_01.bvh") && said.contains("state 1 to 1000"), "{fps}: {said}");
     }
 }
 

@@ -75,3 +75,12 @@ fn a_clip_that_would_be_one_frame_is_refused() {
     let message = resample(&short, 30.0, Path::new("short.bvh")).unwrap_err().to_string();
     assert!(message.contains("short.bvh") && message.contains("too short"), "{message}");
 }
+
+#[test]
+fn a_clip_that_would_last_for_hours_is_refused() {
+    for fps in [1e-3, f32::MIN_POSITIVE, 1e-45] {
+        let slow = clip(400, fps, Vec3::X, |s| s.sin());
+        let message = resample(&slow, 60.0, Path::new("slow.bvh")).unwrap_err().to_string();
+        assert!(message.contains("slow.bvh") && message.contains("cut it"), "{fps}: {message}");
+    }
+}

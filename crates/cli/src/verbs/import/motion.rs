@@ -9,11 +9,12 @@ use crate::terminal::Terminal;
 use crate::verbs::data_dir;
 use crate::verbs::foreign_motion::{Moved, moved};
 use anyhow::Result;
+use softtissue_import::motion::RATES;
 
 /// Runs the verb.
 pub fn run(args: &ImportMotionArgs, signals: &Signals) -> Result<()> {
-    if let Some(fps) = args.fps.filter(|fps| !(*fps > 0.0 && *fps <= 1000.0)) {
-        return Err(UsageError(format!("--fps is {fps}; write a number above 0, at most 1000")).into());
+    if let Some(fps) = args.fps.filter(|fps| !RATES.contains(&f64::from(*fps))) {
+        return Err(UsageError(format!("--fps is {fps}; write {} to {}", RATES.start(), RATES.end())).into());
     }
     let config = resolve(&args.settings)?.config;
     let terminal = Terminal::new(signals.clone(), args.settings.quiet);
