@@ -65,8 +65,13 @@ run_all() {
     train rough "${avatar[@]}" "${both[@]}" --set autoavatar.poses=rough
     train closest-point "${avatar[@]}" "${both[@]}" --set autoavatar.network.neighbours=1
     train softsmpl --set method=softsmpl --set "synth.scanner.raw_points=$(raw_points)" --set eval.compare_objectives=false
-    if [ -e "$out/autoavatar.txt" ]; then return; fi
-    local others=() name measures=$runs/fitted/comparison
+    # Tables that are older than a run are not of it.
+    local others=() name fresh=true
+    for name in "${names[@]}"; do
+        [ "$out/autoavatar.txt" -nt "$runs/$name/finished" ] || fresh=false
+    done
+    if $fresh; then return; fi
+    local measures=$runs/fitted/comparison
     for name in "${names[@]:1}"; do others+=(--against "$runs/$name"); done
     "$softtissue" eval "$runs/fitted" "${others[@]}" --quiet > "$out/autoavatar.txt.part"
     cp "$measures/autoavatar.json" "$measures/autoavatar.png" "$out"
@@ -83,11 +88,17 @@ tables() {
         NF > 1 && $NF ~ /^(-|[0-9.]+)$/ && $1 !~ /^(after|method)$/ && $1 !~ /,$/ { if ($1 ~ wanted) print; next }
         { print }' "$out/autoavatar.txt"
 }
-# seconds RUN PATTERN: what the stages of a run took that match.
-seconds() {
-    awk -v wanted="$2" -F '"' '/"event":"stage"/ {
-        for (i = 2; i < NF; i++) { if ($i == "name") name = $(i + 2); if ($i == "seconds") { s = $(i + 1); gsub(/[^0-9.]/, "", s) } }
-        if (name ~ wanted) sum += s }
+# reading RUN: seconds that raw scans took, the last time.
+reading() {
+    awk -F '"seconds":' '/"name":"scans of the avatar"/ { s = $2 + 0 } END { printf "%.0f\n", s }' "$runs/$1/log.jsonl"
+}
+# training RUN: seconds from step to step, however often it was stopped.
+training() {
+    awk '/"step":/ && /"stage":"autoavatar\// {
+        match($0, /"elapsed_s":[0-9.]+/); now = substr($0, RSTART + 12, RLENGTH - 12) + 0
+        match($0, /"stage":"[^"]*"/); stage = substr($0, RSTART, RLENGTH)
+        if (stage == last && now > before) sum += now - before
+        last = stage; before = now }
         END { printf "%.0f\n", sum }' "$runs/$1/log.jsonl"
 }
 # What the first run was started with: people, motions, split and avatar.
@@ -148,7 +159,7 @@ page() {
     echo "|---|---|---|---|"
     for run in fitted rough closest-point; do
         count=$(awk -F '"' '/^networks = / { n = gsub(/"/, "\"") / 2; print n; exit }' "$runs/$run/config.toml")
-        echo "| $run | $count | $(seconds "$run" '^autoavatar/') | $(seconds "$run" '^scans of the avatar') |"
+        echo "| $run | $count | $(training "$run") | $(reading "$run") |"
     done
     echo
     echo "The time of a frame is in the last table above: with the surface drawn and measured, and, in a long rollout, with its"

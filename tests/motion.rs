@@ -122,14 +122,13 @@ fn inspect_tells_of_foreign_motions() {
 fn options_that_make_no_sense() {
     let home = folder("motion-options");
     let bvh = clip("cmu_01_01.bvh");
-    for fps in ["0", "-5", "NaN", "5000"] {
+    for fps in ["0", "-5", "NaN", "0.3", "5000"] {
         import(&home, &bvh, "a.safetensors", &[&format!("--fps={fps}")]).refused(2, &["--fps"]);
         import(&home, &bvh, "a.safetensors", &[&format!("--source-fps={fps}")]).refused(3, &["frames a second"]);
     }
     import(&home, &bvh, "a.safetensors", &["--units", "metres"]).refused(3, &["--units", "tall"]);
     assert_eq!(import(&home, &bvh, "a.safetensors", &["--units", "cubits"]).code, 2);
     assert_eq!(import(&home, &bvh, "a.safetensors", &["--up", "x"]).code, 2);
-    import(&home, &bvh, "a.safetensors", &["--fps", "0.3"]).refused(3, &["too short"]);
     import(&home, &clip("01.asf"), "a.safetensors", &[]).refused(3, &["01.asf", ".amc"]);
     assert!(!home.join("a.safetensors").exists());
 }

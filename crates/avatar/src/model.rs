@@ -147,6 +147,12 @@ impl AvatarModel {
         }
         let form: Manifest = read_json(&path)?;
         form.network.check().map_err(|e| refused(dir, e))?;
+        let AvatarInfo { fps, grid, .. } = form.info;
+        if !(fps > 0.0 && fps <= 1000.0 && (4..=1024).contains(&grid)) {
+            let reason =
+                format!("{fps} frames a second and {grid} cells are none; copy the folder again or train again");
+            return Err(refused(dir, reason));
+        }
         let expected = form.networks.keys().map(|c| weights(*c)).chain([BODY.to_owned()]);
         for name in expected {
             let file = dir.join(&name);

@@ -85,7 +85,7 @@ impl SignedDistance for Drawn<'_> {
 impl PredictedSurface for Drawn<'_> {
     fn mesh(&self, points: &[Vec3]) -> std::result::Result<Cow<'_, Mesh>, ImplicitError> {
         let cubes = MarchingCubes { resolution: self.grid, ..MarchingCubes::default() };
-        Ok(Cow::Owned(cubes.surface_near(&self.field, points, REACH)?.mesh))
+        Ok(Cow::Owned(cubes.mesh_near(&self.field, points, REACH)?))
     }
 
     fn predicted_heights(&self) -> Option<&[f32]> {

@@ -74,8 +74,8 @@ pub fn eval(args: &EvalArgs, config: &Config, signals: &Signals) -> Result<()> {
     for other in &args.against {
         let path = other.join("avatar");
         if AvatarModel::is_at(&path) {
-            let name = other.file_name().map_or_else(String::new, |n| format!("{}/", n.to_string_lossy()));
-            avatars.push((name, AvatarModel::read(&path, &context.device)?));
+            let prefix = free_prefix(other, &avatars);
+            avatars.push((prefix, AvatarModel::read(&path, &context.device)?));
         } else {
             meshes.push(other.clone());
         }
@@ -87,6 +87,15 @@ pub fn eval(args: &EvalArgs, config: &Config, signals: &Signals) -> Result<()> {
     let rivals = Rivals { avatars: &avatars, bundles: &bundles };
     let place = if args.against.is_empty() { folder.root().to_owned() } else { folder.comparison(None) };
     finish(&context, &provenance.configuration, &job, &raw, &rivals, &place, args.json)
+}
+
+/// What stands before the names of another run's networks: its folder and a slash, a number where that is taken.
+fn free_prefix(run: &Path, taken: &[(String, AvatarModel)]) -> String {
+    let whole = run.canonicalize().unwrap_or_else(|_| run.to_owned());
+    let folder = whole.file_name().map_or_else(|| "other".into(), |n| n.to_string_lossy().into_owned());
+    let numbered = (2..).map(|i| format!("{folder}-{i}/"));
+    let is_free = |prefix: &String| taken.iter().all(|(other, _)| other != prefix);
+    std::iter::once(format!("{folder}/")).chain(numbered).find(is_free).expect("numbers do not end")
 }
 
 /// Judges, and writes measures, report and picture into `folder`.

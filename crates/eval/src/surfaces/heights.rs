@@ -73,7 +73,8 @@ impl HeightTrace<'_> {
 }
 
 /// Whether a long rollout of `frames` over one motion stays where the motion's true heights are; `each` hands every
-/// frame's heights, `[N]`, metres, to its argument. Absent if the clip's true heights do not move.
+/// frame's heights, `[N]`, metres, to its argument. Absent if the clip's true heights do not move, and of a rollout that is too
+/// short to have quarters. A true height that a scan does not show is the one that it showed last.
 ///
 /// # Errors
 /// Those of `each`.
@@ -84,18 +85,20 @@ pub fn cycle_figures<E>(
     each: impl FnOnce(&mut dyn FnMut(&[f32])) -> Result<(), E>,
 ) -> Result<Option<CycleFigures>, E> {
     let means = truth.means();
-    let about = |heights: &[f32], known: Option<&[bool]>| -> Vec<Vec3> {
-        let seen = |i: usize| known.is_none_or(|k| k[i]);
-        let off = |(i, h): (usize, &f32)| means[i].filter(|_| seen(i)).map_or(Vec3::ZERO, |m| Vec3::X * (h - m));
-        heights.iter().enumerate().map(off).collect()
+    let about = |heights: &[f32]| -> Vec<Vec3> {
+        heights.iter().zip(&means).map(|(h, mean)| mean.map_or(Vec3::ZERO, |m| Vec3::X * (h - m))).collect()
     };
     let mut wanted = RegionPeaks::default();
-    truth.heights.iter().zip(truth.known).for_each(|(h, k)| wanted.include(&about(h, Some(k)), truth.regions));
+    let mut last: Vec<f32> = means.iter().map(|m| m.unwrap_or(0.0)).collect();
+    for (heights, known) in truth.heights.iter().zip(truth.known) {
+        last.iter_mut().zip(heights).zip(known).filter(|(_, k)| **k).for_each(|((l, h), _)| *l = *h);
+        wanted.include(&about(&last), truth.regions);
+    }
     let mut found = RegionPeaks::default();
     let begun = Instant::now();
     let (mut t, mut quarters) = (0usize, [(0.0f64, 0u64); 4]);
     each(&mut |heights| {
-        let off = about(heights, None);
+        let off = about(heights);
         found.include(&off, truth.regions);
         let quarter = &mut quarters[(4 * t / frames.max(1)).min(3)];
         quarter.0 += off.iter().map(|d| f64::from(d.length_squared())).sum::<f64>();
@@ -104,7 +107,8 @@ pub fn cycle_figures<E>(
     })?;
     let rms = |(sum, count): (f64, u64)| (sum / count.max(1) as f64).sqrt();
     let growth = rms(quarters[3]) / rms(quarters[0]);
-    Ok(found.worst_ratio(&wanted).map(|(_, bounded_ratio)| CycleFigures {
+    let ratio = found.worst_ratio(&wanted).filter(|_| t >= quarters.len());
+    Ok(ratio.map(|(_, bounded_ratio)| CycleFigures {
         clip: clip.to_owned(),
         frames: t,
         bounded_ratio,
@@ -164,12 +168,26 @@ mod tests {
     }
 
     fn cycle(predicted: impl Fn(usize) -> f32) -> CycleFigures {
-        let (truth, known) = (swinging(120, 0.01, 4.0), vec![vec![true; 8]; 120]);
+        cycle_of(&vec![vec![true; 8]; 120], 3600, predicted).unwrap()
+    }
+
+    fn cycle_of(known: &[Vec<bool>], frames: usize, predicted: impl Fn(usize) -> f32) -> Option<CycleFigures> {
+        let truth = swinging(120, 0.01, 4.0);
         let each = |see: &mut dyn FnMut(&[f32])| {
-            (0..3600).for_each(|t| see(&[predicted(t); 8]));
+            (0..frames).for_each(|t| see(&[predicted(t); 8]));
             Ok::<(), std::convert::Infallible>(())
         };
-        with_truth(&truth, &known, |t| cycle_figures(t, "s00/x.0", 3600, each)).unwrap().unwrap()
+        with_truth(&truth, known, |t| cycle_figures(t, "s00/x.0", frames, each)).unwrap()
+    }
+
+    /// Half the observers are hidden in every second frame, the others in the rest.
+    #[test]
+    fn what_a_scan_hides_does_not_lower_the_true_peak() {
+        let known: Vec<Vec<bool>> = (0..120).map(|t| (0..8).map(|i| (i + t) % 2 == 0).collect()).collect();
+        let swing = |t: usize| 0.01 + 0.01 * (std::f32::consts::TAU * 4.0 * t as f32 / FPS).sin();
+        let found = cycle_of(&known, 3600, swing).unwrap();
+        assert!((found.bounded_ratio - 1.0).abs() < 0.05, "{found:?}");
+        assert!(cycle_of(&known, 3, swing).is_none() && cycle_of(&known, 4, swing).is_some());
     }
 
     #[test]

@@ -53,7 +53,7 @@ impl MarchingCubes {
     /// # Errors
     /// An empty box or too many cells.
     pub fn surface(&self, field: &dyn SignedDistance, low: Vec3, high: Vec3) -> Result<SurfaceMesh> {
-        self.surface_where(field, low, high, |_, _| true)
+        Ok(with_normals(self.found(field, low, high, |_, _| true)?, field))
     }
 
     /// The surface that comes within `reach`, metres, of any of `points`, such as the vertices of a posed body: coarse cells
@@ -62,31 +62,47 @@ impl MarchingCubes {
     /// # Errors
     /// No point, or too many cells.
     pub fn surface_near(&self, field: &dyn SignedDistance, points: &[Vec3], reach: f32) -> Result<SurfaceMesh> {
+        Ok(with_normals(self.found_near(field, points, reach)?, field))
+    }
+
+    /// [`surface_near`](Self::surface_near) without its normals, which take a few values of the field at every vertex.
+    ///
+    /// # Errors
+    /// No point, or too many cells.
+    pub fn mesh_near(&self, field: &dyn SignedDistance, points: &[Vec3], reach: f32) -> Result<Mesh> {
+        Ok(self.found_near(field, points, reach)?.0)
+    }
+
+    /// A mesh and the size of its cells, metres.
+    fn found_near(&self, field: &dyn SignedDistance, points: &[Vec3], reach: f32) -> Result<(Mesh, f32)> {
         let low = points.iter().copied().fold(Vec3::INFINITY, Vec3::min) - reach;
         let high = points.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max) + reach;
         let tree = PointTree::new(points);
-        self.surface_where(field, low, high, |middle, half_diagonal| {
+        self.found(field, low, high, |middle, half_diagonal| {
             tree.nearest(&[middle], 1).distances.first().is_some_and(|d| *d <= reach + half_diagonal)
         })
     }
 
-    fn surface_where(
+    fn found(
         &self,
         field: &dyn SignedDistance,
         low: Vec3,
         high: Vec3,
         wanted: impl Fn(Vec3, f32) -> bool,
-    ) -> Result<SurfaceMesh> {
+    ) -> Result<(Mesh, f32)> {
         let longest = (high - low).max_element();
         let sound = longest.is_finite() && (high - low).min_element() > 0.0 && (4..=1024).contains(&self.resolution);
         let refused = ImplicitError::Grid { resolution: self.resolution, longest };
         let mut grid = sound.then(|| Grid::new(low, high, self.resolution)).flatten().ok_or(refused)?;
         let cells = grid.candidates(field, self.slack, wanted);
         let cells = grid.followed(field, cells);
-        let mesh = triangulated(&grid, &cells);
-        let normals = field.normals(&mesh.positions, 0.25 * grid.step());
-        Ok(SurfaceMesh { mesh, normals })
+        Ok((triangulated(&grid, &cells), grid.step()))
     }
+}
+
+fn with_normals((mesh, step): (Mesh, f32), field: &dyn SignedDistance) -> SurfaceMesh {
+    let normals = field.normals(&mesh.positions, 0.25 * step);
+    SurfaceMesh { mesh, normals }
 }
 
 /// The triangles of cells, ascending, with one vertex for each crossed edge of the grid.

@@ -20,7 +20,7 @@ impl SignedDistance for Ball {
 impl PredictedSurface for Ball {
     fn mesh(&self, points: &[Vec3]) -> Result<Cow<'_, Mesh>, ImplicitError> {
         let cubes = MarchingCubes { resolution: 48, ..Default::default() };
-        Ok(Cow::Owned(cubes.surface_near(&self.0, points, 0.06)?.mesh))
+        Ok(Cow::Owned(cubes.mesh_near(&self.0, points, 0.06)?))
     }
 }
 

@@ -59,7 +59,7 @@ impl Sets {
 pub fn judge_avatars(scene: &AvatarScene, rivals: &Rivals, device: &Device) -> Result<AvatarJudgement> {
     let config = &scene.config.autoavatar;
     let subject = scene.subject()?;
-    let wanted = [scene.interpolation(&subject), scene.own(&subject, &scene.split.test, Part::Whole)];
+    let wanted = [scene.interpolation(&subject)?, scene.own(&subject, &scene.split.test, Part::Whole)];
     for (prefix, model) in rivals.avatars {
         check_unseen(scene, prefix, model, &subject, &wanted)?;
     }
@@ -117,6 +117,15 @@ fn check_unseen(
     }
     if model.body.topology.hash() != scene.body.topology.hash() {
         return refuse("stands on another body".into());
+    }
+    if model.body.template != scene.body.template {
+        return refuse("stands on another body of this topology".into());
+    }
+    let rate = |ids: &[(ClipId, Part)]| -> Result<Vec<f32>> {
+        ids.iter().map(|(id, _)| Ok(scene.motion(model.info.poses, id)?.fps)).collect()
+    };
+    if let Some(fps) = [rate(halves)?, rate(wholes)?].concat().into_iter().find(|fps| *fps != model.info.fps) {
+        return refuse(format!("is for {} frames a second, and {fps} are judged here", model.info.fps));
     }
     let list = |key: &str| -> Option<Vec<&str>> {
         Some(model.info.provenance[key].as_array()?.iter().filter_map(serde_json::Value::as_str).collect())
@@ -298,7 +307,7 @@ impl<'a> Judge<'a> {
     fn cycles(&self, metrics: &mut SurfaceMetrics, prefix: &str, subject: &str) -> Result<()> {
         let (scene, model) = (self.scene, self.model);
         let seconds = scene.config.eval.bounded_seconds.min(CYCLE_FRAMES / model.info.fps);
-        let mut candidates = scene.interpolation(subject);
+        let mut candidates = scene.interpolation(subject)?;
         candidates.extend(scene.own(subject, &scene.split.train, Part::Whole));
         let feeding: Vec<_> = model.networks.iter().filter(|l| l.conditioning.sees_heights()).collect();
         let Some((id, _)) = candidates.into_iter().next().filter(|_| seconds > 0.0 && !feeding.is_empty()) else {

@@ -19,6 +19,7 @@ pub fn train_avatar(context: &Context, job: &Prepared, raw: &dyn RawScans) -> Re
     let config = &context.config.autoavatar;
     let scene = AvatarScene::of(context, job, raw);
     let subject = scene.subject()?;
+    scene.interpolation(&subject)?;
     let avatar = Arc::new(AvatarBody::new(&config.network, &job.body, &context.device)?);
     let parts = |ids: &[ClipId]| -> Vec<(ClipId, Part)> {
         let part = |id: &ClipId| if config.interpolation.contains(&id.motion) { Part::FirstHalf } else { Part::Whole };

@@ -100,10 +100,19 @@ impl<'a> AvatarScene<'a> {
     }
 
     /// The second halves of the clips that training has seen the first half of.
-    pub fn interpolation(&self, subject: &str) -> Vec<(ClipId, Part)> {
+    ///
+    /// # Errors
+    /// A motion is named that the subject has no training clip of.
+    pub fn interpolation(&self, subject: &str) -> Result<Vec<(ClipId, Part)>> {
         let mut clips = self.own(subject, &self.split.train, Part::SecondHalf);
-        clips.retain(|(id, _)| self.config.autoavatar.interpolation.contains(&id.motion));
-        clips
+        let named = &self.config.autoavatar.interpolation;
+        if let Some(motion) = named.iter().find(|m| clips.iter().all(|(id, _)| id.motion != **m)) {
+            let message =
+                format!("autoavatar.interpolation names {motion:?}, of which {subject} has no clip that trains");
+            return Err(UsageError(format!("{message}; choose another, or write []")).into());
+        }
+        clips.retain(|(id, _)| named.contains(&id.motion));
+        Ok(clips)
     }
 
     /// The poses that drive a clip.
