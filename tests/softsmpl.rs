@@ -52,6 +52,23 @@ fn softsmpl_is_learned_whole_and_tells_what_its_descriptor_gives_away() {
 }
 
 #[test]
+fn imported_motion_joins_the_poses_that_are_learned() {
+    let home = folder("softsmpl-poses");
+    let imported = home.join("walk.safetensors").display().to_string();
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/motion/cmu_01_01.bvh").display().to_string();
+    softtissue(&["import", "motion", &source, "--out", &imported]).fine();
+    let alone = ["--no-eval", "--set", "softsmpl.transfer=false"];
+    let motions = format!("softsmpl.poses.motions=[{imported:?}]");
+    let poses = |run: PathBuf| std::fs::read(run.join("stages/softsmpl.poses.safetensors")).expect("a stage");
+    let with = poses(trained(&home, "with", &[&alone[..], &["--set", &motions]].concat()));
+    assert!(with != poses(trained(&home, "alone", &alone)));
+    let missing = "softsmpl.poses.motions=[\"nowhere.safetensors\"]";
+    let mut train = tiny_train(&tiny_run().config, &home.join("missing"));
+    train.args(["--set", "method=softsmpl", "--set", missing]);
+    Said::of(&train.output().expect("the command starts")).refused(3, &["nowhere.safetensors"]);
+}
+
+#[test]
 fn ablations_bear_their_names() {
     let home = folder("softsmpl-ablations");
     let run = trained(

@@ -2,11 +2,11 @@ use crate::blocks::{BLOCK, ByteRows};
 use crate::descriptor::{FeatureScaling, PoseEncoder};
 use crate::feedback::{FeedbackModel, FeedbackPerson};
 use crate::limits::Limits as Range;
-use crate::manifest::{AutoregressiveForm, FeedbackForm, ModelForm, PersonForm, RecurrentForm};
+use crate::manifest::{AcquaintanceForm, AutoregressiveForm, FeedbackForm, ModelForm, PersonForm, RecurrentForm};
 use crate::{
-    Ar2, AutoregressiveModel, Bundle, BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix, Model,
-    PersonDynamics, Precision, Recurrent, RecurrentModel, Regressor, ResidualUnit, ResonatorBank, Result, SelfCheck,
-    Subspace, ThreeLayers, Trust, half,
+    Acquaintance, Ar2, AutoregressiveModel, Bundle, BundleError, Decoder, DeltaBasis, Encoder, Gru, Linear, Matrix,
+    Model, PersonDynamics, Precision, Recurrent, RecurrentModel, Regressor, ResidualUnit, ResonatorBank, Result,
+    SelfCheck, Subspace, ThreeLayers, Trust, half,
 };
 use softtissue_body::BodyBuild;
 use softtissue_geometry::Frames;
@@ -74,6 +74,10 @@ impl<'a> Writer<'a> {
             self.vector("regressor.gru.b_ih", &gru.b_ih);
             self.vector("regressor.gru.b_hh", &gru.b_hh);
             self.linear("regressor.readout", readout);
+        }
+        if let Some(known) = &regressor.acquaintance {
+            self.linear("regressor.around", &known.around);
+            self.matrix("regressor.people", &known.people);
         }
         for (i, layer) in pose_encoder.iter().flat_map(|e| e.layers.iter().enumerate()) {
             self.linear(&format!("pose_encoder.{i}"), layer);
@@ -327,6 +331,10 @@ impl Reader<'_> {
             }
             false => None,
         };
+        let acquaintance = form.acquaintance.map(|AcquaintanceForm { share, stranger }| {
+            let (around, people) = (self.network("regressor.around")?, self.matrix("regressor.people")?);
+            Ok::<_, BundleError>(Acquaintance { around, share, stranger, people })
+        });
         Ok(Regressor {
             input: self.scaling("regressor.input", form.features)?,
             shape: self.scaling("regressor.shape", form.beta_count)?,
@@ -336,6 +344,7 @@ impl Reader<'_> {
             direct: form.direct,
             shortcut: self.network("regressor.shortcut")?,
             recurrent,
+            acquaintance: acquaintance.transpose()?,
         })
     }
 

@@ -4,6 +4,7 @@
 //! (features to deltas, frame by frame). This room may use geometry and body only; it must never know the framework,
 //! training or the body's generator.
 
+mod acquaintance;
 mod advance;
 mod ahead;
 mod answer;
@@ -41,6 +42,7 @@ mod subspace;
 mod times;
 mod trust;
 
+pub use acquaintance::Acquaintance;
 pub use autoregressive::{Ar2, AutoregressiveModel, AutoregressiveState, PersonDynamics};
 pub use batch::Batch;
 pub use bundle::{Bundle, BundleInfo, SelfCheck};

@@ -8,7 +8,9 @@ use softtissue_store::{StoreError, read_limited};
 use std::path::Path;
 
 /// Version of the format that this program writes, and the newest that it reads.
-pub const FORMAT_VERSION: u64 = 5;
+pub const FORMAT_VERSION: u64 = 6;
+/// The oldest that it reads: a network of version 5 is as sure of everybody.
+const OLDEST_VERSION: u64 = 5;
 /// First word of every manifest.
 const FORMAT: &str = "softtissue-bundle";
 /// First word of another kind of model, which is no bundle.
@@ -60,11 +62,20 @@ pub(crate) struct RecurrentForm {
     pub(crate) bank: Option<BankForm>,
     pub(crate) direct: bool,
     pub(crate) recurrent: bool,
+    pub(crate) acquaintance: Option<AcquaintanceForm>,
     pub(crate) encoder_units: usize,
     pub(crate) decoder_units: usize,
     /// Layers of the pose encoder, where there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) pose_encoder_layers: Option<usize>,
+}
+
+/// How a network is mixed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AcquaintanceForm {
+    pub(crate) share: f32,
+    pub(crate) stranger: f32,
 }
 
 /// A model that is fed back.
@@ -142,7 +153,7 @@ impl ModelForm {
 
 impl RecurrentForm {
     fn of(RecurrentModel { regressor, subspace, pose_encoder }: &RecurrentModel) -> Self {
-        let bank = regressor.bank.as_ref();
+        let (bank, known) = (regressor.bank.as_ref(), regressor.acquaintance.as_ref());
         Self {
             features: regressor.input.input_size,
             beta_count: regressor.shape.input_size,
@@ -151,6 +162,7 @@ impl RecurrentForm {
             bank: bank.map(|b| BankForm { channels: b.channels(), resonators: b.resonators().to_vec() }),
             direct: regressor.direct,
             recurrent: regressor.recurrent.is_some(),
+            acquaintance: known.map(|a| AcquaintanceForm { share: a.share, stranger: a.stranger }),
             encoder_units: subspace.encoder.units.len(),
             decoder_units: subspace.decoder.units.len(),
             pose_encoder_layers: pose_encoder.as_ref().map(|e| e.layers.len()),
@@ -223,9 +235,9 @@ impl Manifest {
         if head.version > FORMAT_VERSION {
             return Err(BundleError::Newer { path: path.to_owned(), found: head.version, supported: FORMAT_VERSION });
         }
-        if head.version < FORMAT_VERSION {
+        if head.version < OLDEST_VERSION {
             let reason = format!(
-                "it has version {}, this program reads {FORMAT_VERSION}; write it again \
+                "it has version {}, this program reads {OLDEST_VERSION} to {FORMAT_VERSION}; write it again \
                  with `softtissue train --resume`, or train again",
                 head.version
             );

@@ -323,6 +323,12 @@ fn check_regressor(regressor: &Regressor) -> Result<(), String> {
         fits("gru biases", &[gru.b_ih.len(), gru.b_hh.len()], &[3 * h, 3 * h])?;
         check_linear("readout", &recurrent.readout, h, l)?;
     }
+    if let Some(known) = &regressor.acquaintance {
+        if !regressor.sees_features() || regressor.recurrent.is_none() {
+            return Err("it mixes a network that it does not have or see features for; export it again".into());
+        }
+        known.check(d + b, l, regressor.shape.input_size)?;
+    }
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 use crate::{
-    AutoregressiveModel, Bundle, BundleError, FeedbackModel, Linear, Matrix, Model, Player, RecurrentModel, Result,
-    SelfCheck, error::plain, half,
+    AutoregressiveModel, Bundle, BundleError, FeedbackModel, Matrix, Model, Player, RecurrentModel, Result, SelfCheck,
+    error::plain, half,
 };
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -158,9 +158,10 @@ impl Model {
                 for layer in units.flat_map(|u| [&mut u.inner, &mut u.outer]) {
                     halve(&mut layer.weight)?;
                 }
-                let Linear { weight, .. } = &mut regressor.shortcut;
-                for matrix in [&mut subspace.encoder.project.weight, &mut subspace.decoder.lift.weight, weight] {
-                    halve(matrix)?;
+                let around = regressor.acquaintance.iter_mut().map(|known| &mut known.around);
+                let layers = [&mut subspace.encoder.project, &mut subspace.decoder.lift, &mut regressor.shortcut];
+                for layer in layers.into_iter().chain(around) {
+                    halve(&mut layer.weight)?;
                 }
                 if let Some(recurrent) = &mut regressor.recurrent {
                     let gru = &mut recurrent.gru;

@@ -1,5 +1,5 @@
 use crate::descriptor::FeatureScaling;
-use crate::{Gru, Linear, MassLaw, Matrix, Precision, ResonatorBank};
+use crate::{Acquaintance, Gru, Linear, MassLaw, Matrix, Precision, ResonatorBank};
 
 /// What predicts the latent from the motion, frame by frame: a shortcut that is linear in the inputs (or in a bank
 /// of damped resonators driven by them) and, around it, a recurrent network (SoftSMPL sec. 5).
@@ -12,6 +12,13 @@ use crate::{Gru, Linear, MassLaw, Matrix, Precision, ResonatorBank};
 ///     [bank(x), x]               with a bank and `direct`
 /// z = g (shortcut([phi_0(b) a, phi_1(b) a, ..., b]) + readout(h))    [L]
 /// h = gru([x, b], h before), zero at the start
+/// ```
+///
+/// With an [`Acquaintance`], whose share of the body is `s`, the network stands beside the shortcut with a linear layer of its
+/// own:
+///
+/// ```text
+/// z = g ((1 - s) shortcut(...) + s (around([x, b]) + readout(h)))    [L]
 /// ```
 ///
 /// `phi_k(b)` is the product of `b_i` to the power `shape_terms[k][i]`; `g` and the frequencies of the bank are those of the
@@ -34,6 +41,8 @@ pub struct Regressor {
     pub shortcut: Linear,
     /// The recurrent network; without it the regressor is linear in time.
     pub recurrent: Option<Recurrent>,
+    /// How the network and the shortcut are mixed; without it they are summed.
+    pub acquaintance: Option<Acquaintance>,
 }
 
 /// A GRU and the layer that reads its state.
@@ -51,8 +60,8 @@ pub struct Recurrent {
 pub struct BodyRegressor {
     /// `b [B]`.
     pub shape: Vec<f32>,
-    /// `g`, in `shortcut` already, not in the readout of the recurrent network.
-    pub amplitude: f32,
+    /// `g`, or `g s`: factor on the readout of the recurrent network, which is kept as it is. `shortcut` has its own in it.
+    pub readout_gain: f32,
     /// With the body's frequencies.
     pub bank: Option<ResonatorBank>,
     /// `[A] -> [L]`.
@@ -121,6 +130,7 @@ impl Regressor {
         let (a, l) = (self.memory_count(), self.latent_count());
         let b = self.scaled_shape(beta);
         let factors = self.shape_factors(&b);
+        let share = self.acquaintance.as_ref().map(|known| known.share_of(beta));
         let mut weight = Matrix::zeros(l, a);
         let mut bias = self.shortcut.bias.clone();
         for row in 0..l {
@@ -131,12 +141,30 @@ impl Regressor {
             }
             bias[row] += rest.iter().zip(&b).map(|(w, b)| w * b).sum::<f32>();
         }
+        if let (Some(known), Some(share)) = (&self.acquaintance, share) {
+            weight.data_mut().iter_mut().chain(&mut bias).for_each(|w| *w *= 1.0 - share);
+            self.add_around(&known.around, share, &b, &mut weight, &mut bias);
+        }
         let amplitude = self.mass.amplitude(beta);
         weight.data_mut().iter_mut().chain(&mut bias).for_each(|w| *w *= amplitude);
         if self.shortcut.weight.precision() != Precision::F32 {
             weight = weight.halved();
         }
-        BodyRegressor { shape: b, amplitude, bank: self.bank_of(beta), shortcut: Linear { weight, bias } }
+        let readout_gain = amplitude * share.unwrap_or(1.0);
+        BodyRegressor { shape: b, readout_gain, bank: self.bank_of(beta), shortcut: Linear { weight, bias } }
+    }
+
+    /// Adds the network's own linear layer to that of a body of scaled shape `b`, which sees the features last.
+    fn add_around(&self, around: &Linear, share: f32, b: &[f32], weight: &mut Matrix, bias: &mut [f32]) {
+        let d = self.feature_count();
+        let first = self.memory_count() - d;
+        for row in 0..self.latent_count() {
+            let weights = around.weight.numbers_of_row(row);
+            let (features, shape) = weights.split_at(d);
+            weight.row_mut(row)[first..].iter_mut().zip(features).for_each(|(s, w)| *s += share * w);
+            let constant = around.bias[row] + shape.iter().zip(b).map(|(w, b)| w * b).sum::<f32>();
+            bias[row] += share * constant;
+        }
     }
 
     /// The state before the first frame, for one body.
@@ -175,7 +203,7 @@ impl Regressor {
         if let Some(Recurrent { gru, readout }) = &self.recurrent {
             gru.step(&state.input, &mut state.hidden, &mut state.scratch);
             readout.apply(&state.hidden, &mut state.readout);
-            state.latent.iter_mut().zip(&state.readout).for_each(|(z, r)| *z += state.body.amplitude * r);
+            state.latent.iter_mut().zip(&state.readout).for_each(|(z, r)| *z += state.body.readout_gain * r);
         }
         self.input.outside(features)
     }

@@ -132,6 +132,9 @@ pub struct RegressorSection {
     /// Part by which the soft ratio on validation may rise for the sake of livelier motion: least squares predicts
     /// less motion than there is. Beside resonators only; the published form has no such gain. Default 0.03.
     pub given_for_motion: f64,
+    /// What is left of the network's share in the prediction for a body unlike all that it has learned, 0 to 1; the resonators
+    /// have the rest. Default 0.5.
+    pub stranger: f32,
     /// The network and its training.
     pub training: RegressorTraining,
 }
@@ -229,6 +232,7 @@ impl Default for RegressorSection {
             shortcut: ShortcutKind::Resonators,
             mirror: true,
             given_for_motion: 0.03,
+            stranger: 0.5,
             training: RegressorTraining::default(),
         }
     }
@@ -354,7 +358,6 @@ impl Config {
                 return Err(format!("{key} is {rate}; write a number above 0 and at most 1"));
             }
         }
-        within("ladder.resonators.whitening", f64::from(ladder.resonators.whitening), 0.0..=0.99)?;
         for (key, factor) in [
             ("position", gru.terms.position),
             ("velocity", gru.terms.velocity),
@@ -363,6 +366,7 @@ impl Config {
             within(&format!("regressor.training.terms.{key}"), factor, 0.0..=1e6)?;
         }
         within("regressor.given_for_motion", regressor.given_for_motion, 0.0..=1.0)?;
+        within("regressor.stranger", f64::from(regressor.stranger), 0.0..=1.0)?;
         within("subspace.training.dropout", ae.dropout, 0.0..=0.99)?;
         within("subspace.training.input_noise", ae.input_noise, 0.0..=1e3)?;
         within("subspace.training.normal_weight", ae.normal_weight, 0.0..=1e9)?;
@@ -379,8 +383,11 @@ impl Config {
             if strengths.is_empty() {
                 return Err(format!("{key} is empty; write one or more ridge strengths"));
             }
-            strengths.iter().try_for_each(|s| within(key, *s, 0.0..=1e6))?;
+            strengths.iter().try_for_each(|s| within(key, *s, f64::MIN_POSITIVE..=1e6))?;
         }
+        ladder.resonators.check(self.descriptor.fps).map_err(|e| format!("ladder.resonators: {e}"))?;
+        ladder.ar2.check().map_err(|e| format!("ladder.ar2: {e}"))?;
+        self.dyna.ar2.check().map_err(|e| format!("dyna.ar2: {e}"))?;
         let constant = ladder.resonators.shape_terms.iter().any(|powers| powers.iter().all(|p| *p == 0));
         if regressor.shortcut == ShortcutKind::Resonators && !(ladder.resonators.direct && constant) {
             return Err(

@@ -83,10 +83,8 @@ pub fn stored(path: &Path) -> Result<Config> {
 
 fn read_file(path: &Path) -> Result<(String, String)> {
     let bytes = softtissue_store::read_limited(path, LARGEST_FILE).with_context(|| {
-        format!(
-            "--config takes quick, smoke, full, softsmpl-paper, casas-otaduy-paper or a file, not {}",
-            path.display()
-        )
+        let names = EMBEDDED.map(|(name, _)| name).join(", ");
+        format!("--config takes {names} or a file, not {}", path.display())
     })?;
     let text = String::from_utf8(bytes).map_err(|_| usage(format!("{} is no UTF-8 text", path.display())))?;
     let name = path.file_stem().map_or_else(|| "run".into(), |s| s.to_string_lossy().into_owned());

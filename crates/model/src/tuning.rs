@@ -115,6 +115,10 @@ pub fn tune_flesh(
             bundle.body.vertex_count()
         ));
     }
+    if motion.fps != bundle.descriptor.fps {
+        let (found, expected) = (motion.fps, bundle.descriptor.fps);
+        return refuse(format!("{found} frames a second, where the bundle has {expected}; import it at that rate"));
+    }
     if frames < first + FEWEST_FRAMES {
         return refuse(format!("{frames} frames are too few to fit flesh to; give {} or more", first + FEWEST_FRAMES));
     }

@@ -114,6 +114,8 @@ struct Batch<'a> {
     input: Tensor<3>,
     /// `[T B, Q]`.
     shortcut: Tensor<2>,
+    /// Of each row's clip, `[T B, 1]`.
+    amplitude: Tensor<2>,
 }
 
 impl RegressorTrainee {
@@ -174,11 +176,16 @@ impl RegressorTrainee {
     }
 
     /// What the loss compares, `[T B, K]` coefficients or `[T B, L]` latents, of latents `[T B, L]`.
-    fn compared(&self, latents: Tensor<2>) -> Tensor<2> {
+    fn compared(&self, latents: Tensor<2>, amplitude: &Tensor<2>) -> Tensor<2> {
         match self.config.space {
-            LossSpace::Coefficients => self.decoder.forward(latents, None),
+            LossSpace::Coefficients => self.decoded(latents, amplitude),
             LossSpace::Latent => latents,
         }
+    }
+
+    /// Coefficients of a body whose amplitude is one, decoded where the body's own latents are: a decoder is not linear.
+    fn decoded(&self, latents: Tensor<2>, amplitude: &Tensor<2>) -> Tensor<2> {
+        self.decoder.forward(latents * amplitude.clone(), None) / amplitude.clone()
     }
 }
 
@@ -190,7 +197,8 @@ impl Trainee for RegressorTrainee {
 
         let trace = GruTrace::new(&self.network.gru, batch.input.clone());
         let leaf = trace.states().autodiff().require_grad();
-        let output = self.compared(self.network.latents(leaf.clone(), batch.shortcut.clone()));
+        let latents = self.network.latents(leaf.clone(), batch.shortcut.clone());
+        let output = self.compared(latents, &batch.amplitude);
         let error = batch.error(&host(output.clone()), |clip| &clip.goal);
         let (loss, terms, gradient) = self.loss.value_and_gradient(&error, &batch.lengths);
 
@@ -217,7 +225,7 @@ impl Trainee for RegressorTrainee {
             let states = network.gru.forward(batch.input.clone());
             let [length, count, width] = states.dims();
             let latents = network.latents(states.reshape([length * count, width]), batch.shortcut.clone());
-            let output = host(self.decoder.forward(latents, None));
+            let output = host(self.decoded(latents, &batch.amplitude));
             // Padding has no error, so it adds nothing.
             let mut error = batch.error(&output, |clip| &clip.target);
             batch.grow(&mut error);
@@ -278,8 +286,8 @@ impl Prepared {
         let goal = match space {
             LossSpace::Coefficients => target.clone(),
             LossSpace::Latent => {
-                let target = tensor(target.clone(), [frames, target.len() / frames], device);
-                host(network.encoder.forward(target, None))
+                let target = tensor(target.clone(), [frames, target.len() / frames], device) * clip.amplitude;
+                host(network.encoder.forward(target, None) / clip.amplitude)
             }
         };
         Self { frames, amplitude: clip.amplitude, input: clip.input, shortcut, target, goal }
@@ -306,7 +314,9 @@ impl<'a> Batch<'a> {
         let (shortcut, seen) = gather(|c| &c.shortcut);
         let input = tensor(input, [frames, count, inputs], device);
         let shortcut = tensor(shortcut, [frames * count, seen], device);
-        Self { clips, lengths, input, shortcut }
+        let amplitudes = clips.iter().map(|clip| clip.amplitude).cycle().take(frames * count);
+        let amplitude = tensor(amplitudes.collect(), [frames * count, 1], device);
+        Self { clips, lengths, input, shortcut, amplitude }
     }
 
     /// Multiplies numbers `[T B, W]` by their clips' amplitudes.

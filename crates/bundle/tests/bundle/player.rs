@@ -16,6 +16,8 @@ fn forms() -> Vec<Parts> {
         Parts { features: FeatureKind::Pose, bank: false, ..Default::default() },
         Parts { features: FeatureKind::DisentangledPose, bank: false, ..Default::default() },
         Parts { look_ahead: 3, ..Default::default() },
+        Parts { acquainted: true, ..Default::default() },
+        Parts { acquainted: true, bank: false, ..Default::default() },
     ]
 }
 

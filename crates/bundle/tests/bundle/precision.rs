@@ -42,7 +42,8 @@ fn a_bundle_of_fewer_bits_reads_back_and_plays_the_same_to_the_bit() {
 fn a_rollout_in_fewer_bits_is_the_documented_sum_of_its_numbers_in_f64() {
     let (rotations, translations) = motion(120);
     let beta = [0.7, -1.3];
-    let parts = [Parts::default(), Parts { features: FeatureKind::Pose, bank: false, ..Default::default() }];
+    let pose = Parts { features: FeatureKind::Pose, bank: false, ..Default::default() };
+    let parts = [Parts::default(), pose, Parts { acquainted: true, ..Default::default() }];
     for (parts, precision) in parts.into_iter().flat_map(|p| REDUCED.map(|r| (p, r))) {
         let bundle = bundle(parts).reduced(precision).unwrap();
         let model = bundle.model.recurrent().unwrap();

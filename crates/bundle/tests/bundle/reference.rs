@@ -96,12 +96,30 @@ pub fn regress(regressor: &Regressor, features: &[f32], beta: &[f32]) -> Vec<Vec
         input.extend(&b);
         let mut z = linear(&regressor.shortcut, &input);
         if let Some(recurrent) = &regressor.recurrent {
-            hidden = gru(&recurrent.gru, &[x, b.clone()].concat(), &hidden);
-            z = plus(&z, &linear(&recurrent.readout, &hidden));
+            hidden = gru(&recurrent.gru, &[x.clone(), b.clone()].concat(), &hidden);
+            let read = linear(&recurrent.readout, &hidden);
+            z = match &regressor.acquaintance {
+                None => plus(&z, &read),
+                Some(known) => {
+                    let network = plus(&linear(&known.around, &[x, b.clone()].concat()), &read);
+                    let s = share(known, &beta);
+                    z.iter().zip(network).map(|(z, n)| (1.0 - s) * z + s * n).collect()
+                }
+            };
         }
         latents.push(z.iter().map(|z| farther * z).collect());
     }
     latents
+}
+
+/// The network's share of a body.
+fn share(known: &Acquaintance, beta: &[f32]) -> f64 {
+    let distance2 = |p: usize| -> f64 {
+        known.people.row(p).iter().zip(beta).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum()
+    };
+    let nearest = (0..known.people.rows()).map(distance2).fold(f64::INFINITY, f64::min);
+    let stranger = f64::from(known.stranger);
+    f64::from(known.share) * (stranger + (1.0 - stranger) * (-nearest).exp())
 }
 
 /// Delta `[3 V]` of a latent.

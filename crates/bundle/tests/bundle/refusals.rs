@@ -101,6 +101,13 @@ fn a_newer_version() {
     refuse(dir.path(), "update the program");
     edit_manifest(dir.path(), |m| m["version"] = json!(1));
     refuse(dir.path(), "train again");
+    // Version 5 knew nobody.
+    let dir = good();
+    edit_manifest(dir.path(), |m| {
+        m["version"] = json!(5);
+        m["model"].as_object_mut().unwrap().remove("acquaintance").unwrap();
+    });
+    assert!(Bundle::read(dir.path()).unwrap().model.recurrent().unwrap().regressor.acquaintance.is_none());
 }
 
 #[test]

@@ -80,11 +80,20 @@ pub struct Parts {
     pub recurrent: bool,
     pub units: usize,
     pub look_ahead: usize,
+    pub acquainted: bool,
 }
 
 impl Default for Parts {
     fn default() -> Self {
-        Self { features: FeatureKind::ModalForces, bank: true, direct: true, recurrent: true, units: 2, look_ahead: 0 }
+        Self {
+            features: FeatureKind::ModalForces,
+            bank: true,
+            direct: true,
+            recurrent: true,
+            units: 2,
+            look_ahead: 0,
+            acquainted: false,
+        }
     }
 }
 
@@ -163,6 +172,12 @@ pub fn bundle(parts: Parts) -> Bundle {
         let (input, state) = (draws.linear(d + 2, 3 * h, 1.0), draws.linear(h, 3 * h, 1.0));
         let gru = Gru { w_ih: input.weight, w_hh: state.weight, b_ih: input.bias, b_hh: state.bias };
         Recurrent { gru, readout: draws.linear(h, l, 0.05) }
+    });
+    regressor.acquaintance = parts.acquainted.then(|| Acquaintance {
+        around: draws.linear(d + 2, l, 0.05),
+        share: 0.7,
+        stranger: 0.2,
+        people: Matrix::new(2, 2, vec![0.3, 0.4, -1.0, 1.2]),
     });
     let info = BundleInfo {
         method: "softtissue".into(),

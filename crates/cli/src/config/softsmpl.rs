@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use softtissue_model::{PoseSetConfig, RegressorConfig};
 use softtissue_train::losses::TrajectoryWeights;
 use softtissue_train::{AdamConfig, LossSpace, PoseTraining, RegressorTraining};
+use std::path::PathBuf;
 
 /// SoftSMPL. Its subspace is `subspace`, its latent size `regressor.latents`, its mirroring `regressor.mirror`, its
 /// low-pass `descriptor.cutoff_hz`; its features and its linear shortcut are its own.
@@ -31,6 +32,9 @@ pub struct SoftsmplConfig {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PosesConfig {
+    /// Motion clips whose poses are learned from as well, as `softtissue import motion` writes them. None by default. A motion
+    /// that is judged should not be among them.
+    pub motions: Vec<PathBuf>,
     /// What it is learned from.
     pub set: PoseSetConfig,
     /// The pose autoencoder.
@@ -120,7 +124,7 @@ impl SoftsmplConfig {
 
     /// Refuses settings that cannot work.
     pub fn check(&self) -> Result<(), String> {
-        let Self { poses: PosesConfig { set, training: pose }, training, .. } = self;
+        let Self { poses: PosesConfig { set, training: pose, .. }, training, .. } = self;
         for (key, count) in [
             ("poses.set.components", set.components),
             ("poses.training.batch", pose.batch),

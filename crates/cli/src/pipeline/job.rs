@@ -9,6 +9,7 @@ use anyhow::Result;
 use serde_json::json;
 use softtissue_body::BodyModel;
 use softtissue_clips::{FitSet, Split};
+use softtissue_store::sha256_file;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -74,7 +75,7 @@ pub fn prepare(context: &Context, opened: Opened) -> Result<Prepared> {
 }
 
 /// Raised whenever the same fit and settings would give another model, so that a kept stage is not mistaken.
-const LEARNED: u32 = 7;
+const LEARNED: u32 = 8;
 
 /// The same scans with another split; `prefix` names the fold's stages.
 pub fn fold(context: &Context, kept: Arc<KeptBody>, scans: Scans, split: Split, prefix: String) -> Result<Prepared> {
@@ -83,6 +84,7 @@ pub fn fold(context: &Context, kept: Arc<KeptBody>, scans: Scans, split: Split, 
     let mut place = Place { prefix, fingerprint: String::new(), scans: origin };
     let fit = context
         .timed(&place.stage("fit"), || fit_scans(config, &scans, &kept, &split, &context.data_dir, context.monitor))?;
+    let imported = config.softsmpl.poses.motions.iter().map(|path| sha256_file(path));
     place.fingerprint = fingerprint(&(
         (env!("CARGO_PKG_VERSION"), FIT, LEARNED),
         (&scans.fingerprint, &kept.sha256),
@@ -91,6 +93,7 @@ pub fn fold(context: &Context, kept: Arc<KeptBody>, scans: Scans, split: Split, 
         (config.method, config.seed, &config.device, &config.fit),
         (&config.subspace, &config.descriptor, &config.ladder, &config.regressor, &config.softsmpl),
         (&config.casas_otaduy, &config.dyna),
+        imported.collect::<Result<Vec<String>, _>>()?,
     ))?;
     let body = Arc::clone(&kept.model);
     Ok(Prepared { body, scans, split, fit, place })

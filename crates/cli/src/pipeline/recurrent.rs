@@ -7,7 +7,7 @@ use anyhow::Result;
 use rayon::prelude::*;
 use softtissue_body::BodyModel;
 use softtissue_bundle::descriptor::FeatureBlock;
-use softtissue_bundle::{Linear, Matrix, Regressor, ResonatorBank, Subspace};
+use softtissue_bundle::{Acquaintance, Linear, Matrix, Regressor, ResonatorBank, Subspace};
 use softtissue_model::linear::{ReadoutConfig, Score, SoftScore, fit_readout};
 use softtissue_model::{Autoencoder, ShortcutStart, TrainingClip, truncated};
 use softtissue_train::{Clips, MotionSequence, RegressorTrainee, RegressorTraining, Shortcut, Stage};
@@ -88,9 +88,11 @@ pub fn learn_regressor(
                 true => best_mix(&judge, given),
                 false => (Mix::plain(UNTRIED_SHARE), judge(Mix::plain(UNTRIED_SHARE)).ratio()),
             };
-            let alone = |share: f32| mixed(&readout, &network, tuned(share));
+            let people = people(&inputs.clips.train);
+            let mixed = |mix: Mix, stranger: f32| mixed(&readout, &network, mix, people.clone(), stranger);
+            let alone = |share: f32| mixed(tuned(share), 1.0);
             LearnedRegressor {
-                regressor: mixed(&readout, &network, mix),
+                regressor: mixed(mix, context.config.regressor.stranger),
                 without_gru: alone(0.0),
                 without_shortcut: alone(1.0),
                 share: mix.share,
@@ -170,6 +172,7 @@ fn train_network(
         direct: true,
         shortcut: Linear { weight: widened(&linear.weight, seen, all), bias: linear.bias },
         recurrent: Some(recurrent),
+        acquaintance: None,
     };
     Ok((regressor, best_step, best_mm))
 }
@@ -202,8 +205,7 @@ const SHARES: u8 = 10;
 const GAINS: u8 = 20;
 const MOST_GAIN: f32 = 1.5;
 
-/// Part by which a smaller share's soft ratio may lie above the lowest and still be chosen. Validation knows its people;
-/// for others the resonators keep their worth and the network loses half of its own.
+/// Part by which a smaller share's soft ratio may lie above the lowest and still be chosen.
 const PARSIMONY: f64 = 0.015;
 
 /// The smallest share whose soft ratio is as good as the lowest, and its gain.
@@ -248,32 +250,37 @@ fn judged(subspace: &Subspace, score: &SoftScore, clips: &[TrainingClip], latent
     sum
 }
 
-/// The mixture as one regressor: the network's linear layer joins the readout's constant term, which sees the features
-/// beside the bank.
-fn mixed(readout: &Regressor, network: &Regressor, mix: Mix) -> Regressor {
-    let (theirs, own) = (mix.gain * (1.0 - mix.share), mix.gain * mix.share);
+/// The mixture as one regressor that knows whom the network has learned.
+fn mixed(readout: &Regressor, network: &Regressor, mix: Mix, people: Matrix, stranger: f32) -> Regressor {
     let mut mixture = readout.clone();
-    let constant = readout.shape_terms.iter().position(|powers| powers.iter().all(|p| *p == 0));
-    let constant = constant.expect("settings ask for a constant shape term beside resonators");
+    times(&mut mixture.shortcut, mix.gain);
+    if mix.share == 0.0 {
+        return mixture;
+    }
     assert!(readout.sees_features(), "settings ask for a readout that sees the features");
-    let (d, a) = (readout.feature_count(), readout.memory_count());
-    let (first, statics) = (constant * a + a - d, readout.shape_terms.len() * a);
-    for row in 0..readout.latent_count() {
-        let weights = mixture.shortcut.weight.row_mut(row);
-        weights.iter_mut().for_each(|w| *w *= theirs);
-        let (features, shape) = network.shortcut.weight.row(row).split_at(d);
-        weights[first..first + d].iter_mut().zip(features).for_each(|(w, x)| *w += own * x);
-        weights[statics..].iter_mut().zip(shape).for_each(|(w, x)| *w += own * x);
-    }
-    for (b, x) in mixture.shortcut.bias.iter_mut().zip(&network.shortcut.bias) {
-        *b = theirs * *b + own * x;
-    }
-    mixture.recurrent = if own > 0.0 { network.recurrent.clone() } else { None };
+    let mut around = network.shortcut.clone();
+    times(&mut around, mix.gain);
+    mixture.recurrent = network.recurrent.clone();
     if let Some(recurrent) = &mut mixture.recurrent {
-        recurrent.readout.weight.data_mut().iter_mut().for_each(|w| *w *= own);
-        recurrent.readout.bias.iter_mut().for_each(|b| *b *= own);
+        times(&mut recurrent.readout, mix.gain);
     }
+    mixture.acquaintance = Some(Acquaintance { around, share: mix.share, stranger, people });
     mixture
+}
+
+fn times(layer: &mut Linear, factor: f32) {
+    layer.weight.data_mut().iter_mut().chain(&mut layer.bias).for_each(|w| *w *= factor);
+}
+
+/// Each person of the clips once, `[P, N]` shape coefficients.
+fn people(clips: &[TrainingClip]) -> Matrix {
+    let mut people: Vec<&[f32]> = vec![];
+    for clip in clips {
+        if !people.contains(&&clip.beta[..]) {
+            people.push(&clip.beta);
+        }
+    }
+    Matrix::new(people.len(), people.first().map_or(0, |beta| beta.len()), people.concat())
 }
 
 /// The same clips with latents in the place of coefficients.
@@ -398,6 +405,7 @@ mod tests {
                 bias: numbers(LATENTS, 0.2),
             },
             recurrent: None,
+            acquaintance: None,
         }
     }
 
@@ -433,10 +441,32 @@ mod tests {
         };
         let (readout, network, mix) = (readout(), network(), Mix { share: 0.35, gain: 1.2 });
         let parts = [vec![rollout(&readout, &clip)], vec![rollout(&network, &clip)]];
-        let found = rollout(&mixed(&readout, &network, mix), &clip);
-        let wanted = &mix.latents(&parts)[0];
-        assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?} {wanted:?}");
-        assert!(found.iter().zip(&parts[0][0]).any(|(a, b)| (a - b).abs() > 0.1), "the network has its part");
+        let known = Matrix::new(1, 2, clip.beta.clone());
+        let unknown = Matrix::new(1, 2, vec![40.0, 0.0]);
+        let mixture = |people: &Matrix, stranger| mixed(&readout, &network, mix, people.clone(), stranger);
+        for (people, stranger, share) in [(&known, 0.0, 0.35), (&unknown, 1.0, 0.35), (&unknown, 0.4, 0.14)] {
+            let found = rollout(&mixture(people, stranger), &clip);
+            let wanted = &Mix { share, ..mix }.latents(&parts)[0];
+            assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?} {wanted:?}");
+            assert!(found.iter().zip(&parts[0][0]).any(|(a, b)| (a - b).abs() > 0.1), "the network has its part");
+        }
+        let none = mixed(&readout, &network, Mix { share: 0.0, ..mix }, known, 1.0);
+        assert!(none.recurrent.is_none() && none.acquaintance.is_none());
+        let wanted = &Mix { share: 0.0, ..mix }.latents(&parts)[0];
+        assert!(rollout(&none, &clip).iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4));
+    }
+
+    #[test]
+    fn each_person_is_learned_once_whatever_the_clips() {
+        let clip = |beta: &[f32]| TrainingClip {
+            id: ClipId::new("a", "b", 0),
+            beta: beta.to_vec(),
+            features: vec![],
+            coefficients: vec![],
+            frames: 0,
+        };
+        let clips = [clip(&[1.0, -2.0]), clip(&[0.5, 3.0]), clip(&[1.0, -2.0])];
+        assert_eq!(people(&clips), Matrix::new(2, 2, vec![1.0, -2.0, 0.5, 3.0]));
     }
 
     /// What a prediction scores that is best at a share of 0.4, too still by a fifth, and worse by the gain's square.

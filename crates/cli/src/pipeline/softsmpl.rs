@@ -11,14 +11,17 @@ use super::motions::training_clips;
 use super::recurrent::{LearnedRegressor, RegressorInputs, learn_regressor, ridge_strength, train_linear};
 use super::softtissue::{codec, subspaces_and_choice};
 use crate::config::ShortcutKind;
+use crate::exit::InputError;
 use anyhow::Result;
+use softtissue_body::BodyModel;
 use softtissue_bundle::descriptor::{Descriptor, DescriptorConfig, DescriptorParts, FeatureKind, PoseEncoder};
 use softtissue_bundle::{Model, RecurrentModel, Regressor};
-use softtissue_clips::ClipId;
+use softtissue_clips::{ClipId, MotionClip};
 use softtissue_geometry::Frames;
 use softtissue_model::{PoseSet, SubjectRegressor, TrainingClip, transferred};
 use softtissue_random::Draws;
 use softtissue_train::{Clips, PoseTrainee, Stage};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Name of the regressors' stage, and of the pose autoencoder's: each the section of its training.
@@ -92,8 +95,8 @@ fn learn_encoder(context: &Context, place: &Place, material: &Material) -> Resul
     let motions =
         |ids: &[ClipId]| -> Result<Vec<Frames>> { ids.iter().map(|id| Ok(fit.motion(id)?.rotations)).collect() };
     let draws = |what: &str| Draws::new(context.config.seed, &place.stage(&format!("{POSES}/{what}")), 0, 0);
-    // Imported motion would stand beside the fitted: any poses but those of clips that are left out.
-    let set = PoseSet::new(&config.set, body, &motions(&split.train)?, &mut draws("set"));
+    let learned = [motions(&split.train)?, imported_poses(&config.motions, body)?].concat();
+    let set = PoseSet::new(&config.set, body, &learned, &mut draws("set"));
     let basis = set.components(body, &config.set, &mut draws("components"), context.monitor)?;
     let judged = PoseSet::plain(body, &motions(split.selection())?);
     let poses = Clips {
@@ -105,6 +108,22 @@ fn learn_encoder(context: &Context, place: &Place, material: &Material) -> Resul
     let steps = trainee.steps();
     let (_, mm) = context.train(place, POSES, &mut trainee, steps)?;
     Ok((trainee.into_network().to_encoder(), mm))
+}
+
+/// Poses `[T, J]` of imported motion, which stand beside the fitted ones.
+fn imported_poses(files: &[PathBuf], body: &BodyModel) -> Result<Vec<Frames>> {
+    let read = |path: &PathBuf| {
+        let rotations = MotionClip::read(path)?.rotations;
+        let (found, expected) = (rotations.points_per_frame(), body.joint_count());
+        match found == expected {
+            true => Ok(rotations),
+            false => {
+                let message = format!("{}: {found} joints, but the body has {expected}; retarget it", path.display());
+                Err(InputError(message).into())
+            }
+        }
+    };
+    files.iter().map(read).collect()
 }
 
 /// The clips as SoftSMPL sees them, mirrored ones after the others.

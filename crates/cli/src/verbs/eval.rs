@@ -64,13 +64,14 @@ pub fn run(args: &EvalArgs, signals: &Signals) -> Result<()> {
         let learned = learn(&context, &job.place, &job.body, &job.fit, &job.split, &folder.bundle())?;
         let mut taken: Vec<String> = methods_of(&learned).map(|m| m.name().to_owned()).collect();
         taken.push(learned.bundle.info.method.clone());
-        let others = open_others(&args.against, &job, &taken)?;
-        let own = args.on.is_none() && others.is_empty();
-        let out = if own { folder.root().to_owned() } else { folder.comparison(args.on.as_deref()) };
         let job = match &args.on {
             Some(scans) => on_other_scans(&context, job, scans)?,
             None => job,
         };
+        // What others may not have seen is what is judged, so it has to be known before.
+        let others = open_others(&args.against, &job, &taken)?;
+        let own = args.on.is_none() && others.is_empty();
+        let out = if own { folder.root().to_owned() } else { folder.comparison(args.on.as_deref()) };
         let metrics = finish(&context, &provenance.configuration, &job, &learned, &others, &out)?.metrics;
         if !own {
             context.monitor.say(&format!("measures and report: {}", out.display()));
@@ -175,11 +176,23 @@ fn methods_of(learned: &Learned) -> impl Iterator<Item = &dyn Method> {
     learned.ablations.iter().map(|m| m as &dyn Method).chain(ladder)
 }
 
+/// The names of `--folds`.
+fn named(text: &str) -> Result<Vec<String>> {
+    let names: Vec<String> = text.split(',').map(|n| n.trim().to_owned()).collect();
+    match names.iter().any(String::is_empty) {
+        true => {
+            Err(UsageError(format!("--folds {text:?} has an empty name; write names with commas between, or all"))
+                .into())
+        }
+        false => Ok(names),
+    }
+}
+
 fn folds(args: &EvalArgs, context: &Context, base: &Opened) -> Result<(&'static str, Vec<Fold>)> {
     let clips = base.scans.set.ids();
     let choice = match args.folds.as_deref() {
         Some("all") => FoldChoice::All,
-        Some(names) => FoldChoice::Named(names.split(',').map(|n| n.trim().to_owned()).collect()),
+        Some(names) => FoldChoice::Named(named(names)?),
         None if args.protocol == Protocol::Sequences => match heaviest(&prepare(context, base.clone())?.fit, &clips)? {
             Some(id) => FoldChoice::Networks { subject: id.subject },
             None => FoldChoice::All,

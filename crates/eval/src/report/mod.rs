@@ -10,7 +10,8 @@ mod tables;
 mod text;
 
 pub use surfaces::{SurfaceReport, tables as surface_tables, write_surfaces};
-pub(crate) use text::{by_rank, escape, is_channel, method_label, number};
+pub use text::is_channel;
+pub(crate) use text::{by_rank, escape, method_label, number};
 
 use crate::viewer::ViewClip;
 use crate::{DecayTrace, Metrics, Result, Tally};

@@ -24,7 +24,7 @@ pub(super) fn build(graph: &mut Graph, model: &RecurrentModel, beta: &[f32], for
         None => graph.linear("latent", &body.shortcut, &memory),
         Some(recurrent) => {
             let shortcut = graph.linear("shortcut", &body.shortcut, &memory);
-            let network = network(graph, recurrent, body.amplitude, &body.shape, &x, form);
+            let network = network(graph, recurrent, body.readout_gain, &body.shape, &x, form);
             graph.node("latent", "Add", &[&shortcut, &network], &[])
         }
     };
@@ -82,7 +82,7 @@ fn resonators(graph: &mut Graph, bank: &ResonatorBank, x: &str) -> String {
 }
 
 /// What the recurrent network adds to the latent.
-fn network(graph: &mut Graph, recurrent: &Recurrent, amplitude: f32, shape: &[f32], x: &str, form: OnnxForm) -> String {
+fn network(graph: &mut Graph, recurrent: &Recurrent, gain: f32, shape: &[f32], x: &str, form: OnnxForm) -> String {
     let gru = &recurrent.gru;
     let width = gru.width();
     let hidden = graph.input("hidden", &[width], "hidden_out of the frame before; zero before the first");
@@ -94,10 +94,10 @@ fn network(graph: &mut Graph, recurrent: &Recurrent, amplitude: f32, shape: &[f3
     }
     graph.output("hidden_out", &[width], "hidden of the next frame");
     let Linear { weight, bias } = &recurrent.readout;
-    let data = weight.numbers().iter().map(|w| amplitude * w).collect();
+    let data = weight.numbers().iter().map(|w| gain * w).collect();
     let readout = Linear {
         weight: Matrix::new(weight.rows(), weight.cols(), data),
-        bias: bias.iter().map(|b| amplitude * b).collect(),
+        bias: bias.iter().map(|b| gain * b).collect(),
     };
     graph.linear("readout", &readout, "hidden_out")
 }

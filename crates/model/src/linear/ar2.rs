@@ -26,7 +26,9 @@ impl Default for Ar2Config {
 }
 
 impl Ar2Config {
-    pub(super) fn check(&self) -> Result<(), ModelError> {
+    /// # Errors
+    /// Names the setting that is out of range.
+    pub fn check(&self) -> Result<(), ModelError> {
         if self.pole_radius > 0.0 && self.pole_radius < 1.0 {
             return Ok(());
         }

@@ -155,8 +155,17 @@ fn read_rule(file: &TensorFile, i: usize, entry: RuleEntry, k: usize) -> Result<
             let bank = (!resonators.is_empty()).then(|| ResonatorBank::new(resonators, channels, fps));
             let shortcut =
                 plain::Linear { weight: matrix(file, &format!("{i}.weight"))?, bias: file.f32(&format!("{i}.bias"))? };
-            let regressor =
-                plain::Regressor { input, shape, shape_terms, mass, bank, direct, shortcut, recurrent: None };
+            let regressor = plain::Regressor {
+                input,
+                shape,
+                shape_terms,
+                mass,
+                bank,
+                direct,
+                shortcut,
+                recurrent: None,
+                acquaintance: None,
+            };
             let inputs = regressor.shape_terms.len() * regressor.memory_count() + regressor.shape_count();
             let weight = &regressor.shortcut.weight;
             let fits = weight.rows() == k && weight.cols() == inputs && regressor.shortcut.bias.len() == k;

@@ -116,8 +116,7 @@ impl Ladder {
         };
         add("body", None, Rule::Body, None);
         add("mean", None, mean_rule(own.train)?, None);
-        let static_ridge = ReadoutConfig { frequencies_hz: vec![], ..config.resonators.clone() };
-        for (name, readout) in [("ridge", &static_ridge), ("resonators", &config.resonators)] {
+        for (name, readout) in [("ridge", &config.resonators.without_memory()), ("resonators", &config.resonators)] {
             let fps = own.descriptor.fps;
             let fitted = fit_readout(readout, own.blocks, fps, own.train, own.validation, &measure)?;
             add(name, Some(own.descriptor), Rule::Readout(fitted.model), Some((fitted.strength, fitted.score)));
@@ -166,13 +165,19 @@ impl AutoRegressions {
         let blocks: Vec<FeatureBlock> = set.blocks.iter().filter(keep).cloned().collect();
         let features: Vec<&[f32]> = set.train.iter().map(|c| c.features.as_slice()).collect();
         let scaling = FeatureScaling::fit(&features, &blocks);
-        let fit = |subject: Option<&str>| {
+        let fit = |config: &Ar2Config, subject: Option<&str>| {
             let of = |clips| -> Vec<&TrainingClip> { clips_of(clips, subject) };
             fit_ar2(config, &scaling, rest, &of(set.train), &of(set.validation), measure)
         };
-        let pooled = fit(None)?;
+        let pooled = fit(config, None)?;
+        // Who has no clip to choose a strength by gets the one that served all.
+        let common = Ar2Config { strengths: vec![pooled.strength], ..config.clone() };
+        let own = |subject: &str| match clips_of(set.validation, Some(subject)).is_empty() {
+            true => fit(&common, Some(subject)),
+            false => fit(config, Some(subject)),
+        };
         let names = subjects_of(set.train);
-        let subjects = names.into_iter().map(|s| Ok((s.clone(), fit(Some(&s))?))).collect::<Result<_, ModelError>>()?;
+        let subjects = names.into_iter().map(|s| Ok((s.clone(), own(&s)?))).collect::<Result<_, ModelError>>()?;
         Ok(Self { scaling, pooled, subjects })
     }
 }

@@ -61,9 +61,9 @@ impl Default for ReadoutConfig {
 }
 
 impl ReadoutConfig {
-    /// A readout of the features of the frame alone.
-    pub fn static_ridge() -> Self {
-        Self { frequencies_hz: vec![], ..Self::default() }
+    /// The same as a readout of the features of the frame alone.
+    pub fn without_memory(&self) -> Self {
+        Self { frequencies_hz: vec![], ..self.clone() }
     }
 
     /// Expected size of a shape term's weights beside the constant's.
@@ -72,7 +72,11 @@ impl ReadoutConfig {
         if self.frequencies_hz.is_empty() { 1.0 } else { self.shape_share.powi(degree) }
     }
 
-    fn check(&self) -> Result<(), ModelError> {
+    /// Whether a readout can be fitted with these settings to motion of `fps` frames a second.
+    ///
+    /// # Errors
+    /// Names the setting that is out of range.
+    pub fn check(&self, fps: f32) -> Result<(), ModelError> {
         let good = |what: &str, value: f64, right: bool, remedy: &str| match right {
             true => Ok(()),
             false => Err(ModelError::Config(format!("{what} is {value}; write {remedy}"))),
@@ -82,7 +86,19 @@ impl ReadoutConfig {
         good("shape_share", share.into(), share > 0.0 && share <= 10.0, "more than 0 and at most 10")?;
         good("frequency_by_mass", rate.into(), rate.abs() <= 2.0, "a number between -2 and 2")?;
         let own = self.own_strength;
-        good("own_strength", own, own >= 0.0 && own.is_finite(), "0 or more")
+        good("own_strength", own, own >= 0.0 && own.is_finite(), "0 or more")?;
+        match self.resonators().find(|r| r.pole(fps).is_none()) {
+            None => Ok(()),
+            Some(Resonator { frequency, damping }) => Err(ModelError::Config(format!(
+                "a resonator of {frequency} Hz and damping ratio {damping} is not stable at {fps} frames a second; \
+                 frequencies lie between 0 and half the rate, ratios between 0 and 1"
+            ))),
+        }
+    }
+
+    fn resonators(&self) -> impl Iterator<Item = Resonator> + '_ {
+        let of = |frequency: f32| self.damping_ratios.iter().map(move |&damping| Resonator { frequency, damping });
+        self.frequencies_hz.iter().flat_map(move |&f| of(f))
     }
 }
 
@@ -116,7 +132,7 @@ pub fn fit_readout(
     validation: &[TrainingClip],
     score: &SoftScore,
 ) -> Result<Selected<plain::Regressor>, ModelError> {
-    config.check()?;
+    config.check(fps)?;
     let mut regressor = untrained(config, blocks, fps, train)?;
     let shares = regressor.shape_terms.iter().map(|powers| config.share_of(powers)).collect::<Vec<f32>>();
     let stride = config.frame_stride.max(1);
@@ -193,19 +209,7 @@ fn untrained(
     let features: Vec<&[f32]> = train.iter().map(|c| c.features.as_slice()).collect();
     let input = FeatureScaling::fit(&features, blocks);
     let shape = shape_scaling(train);
-    let mut resonators = Vec::new();
-    for &frequency in &config.frequencies_hz {
-        for &damping in &config.damping_ratios {
-            let resonator = Resonator { frequency, damping };
-            if resonator.pole(fps).is_none() {
-                return Err(ModelError::Config(format!(
-                    "a resonator of {frequency} Hz and damping ratio {damping} is not stable at {fps} frames a second; \
-                     frequencies lie between 0 and half the rate, ratios between 0 and 1"
-                )));
-            }
-            resonators.push(resonator);
-        }
-    }
+    let resonators: Vec<Resonator> = config.resonators().collect();
     // Forces drive the flesh; pose entries beside them only bias it. Without forces everything drives.
     let driving = blocks.iter().find(|b| b.name == "modal-forces").map_or(usize::MAX, |b| b.range.end);
     let channels = input.kept.iter().filter(|d| (**d as usize) < driving).count();
@@ -221,6 +225,7 @@ fn untrained(
         direct: config.direct,
         shortcut: plain::Linear::default(),
         recurrent: None,
+        acquaintance: None,
     })
 }
 

@@ -263,7 +263,7 @@ fn whitening_sees_through_drift_and_leaves_the_exact_exact() {
             shape_terms: vec![vec![]],
             strengths: vec![1e-9],
             whitening,
-            ..ReadoutConfig::static_ridge()
+            ..ReadoutConfig::default().without_memory()
         };
         let clips: Vec<TrainingClip> = (0..8).map(|take| drifting(take, drift)).collect();
         let model = fit_readout(&config, &blocks, 60.0, &clips, &[], &score).unwrap().model;
@@ -276,7 +276,7 @@ fn whitening_sees_through_drift_and_leaves_the_exact_exact() {
     let (plain, whitened) = (error(0.002, 0.0), error(0.002, 0.95));
     assert!(whitened < 0.5 * plain, "{whitened} of {plain}");
     let clean = [drifting(9, 0.0)];
-    let config = ReadoutConfig { whitening: 1.0, ..ReadoutConfig::static_ridge() };
+    let config = ReadoutConfig { whitening: 1.0, ..ReadoutConfig::default().without_memory() };
     assert!(fit_readout(&config, &blocks, 60.0, &clean, &[], &score).is_err());
 }
 

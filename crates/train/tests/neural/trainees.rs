@@ -158,9 +158,15 @@ fn the_player_predicts_what_was_validated() {
         let numbers: Vec<f32> = (0..2 * count).map(|i| if i < count { -9.0 } else { 9.0 }).collect();
         FeatureScaling::fit(&[&numbers], &FeatureBlock::in_a_row(&[("all", count)]))
     };
-    let clip = sequence("played", 40);
-    for trained in [true, false] {
+    let mut curved = subspace(200);
+    run(&mut curved, 0..200);
+    let subspace = curved.into_network();
+    let decoder = subspace.to_decoder();
+    for (trained, amplitude) in [(true, 1.0f32), (false, 1.0), (true, 1.5)] {
+        let sequence = |name: &str, frames: usize| MotionSequence { amplitude, ..sequence(name, frames) };
+        let clip = sequence("played", 40);
         let mut whole = plain::Regressor {
+            mass: plain::MassLaw { amplitude: amplitude.ln(), range: [1.0, 1.0], ..Default::default() },
             input: identity(L),
             shape_terms: vec![vec![]],
             direct: true,
@@ -183,7 +189,7 @@ fn the_player_predicts_what_was_validated() {
         // The weights' matrix and its transpose are equal here.
         let start = ShortcutStart { weight: vec![0.002; L * L], bias: vec![0.001; L] };
         let shortcut = if trained { Shortcut::Trained(start) } else { Shortcut::Fixed };
-        let (network, basis) = (subspace(1).into_network(), surface().directions);
+        let (network, basis) = (subspace.clone(), surface().directions);
         let config = RegressorTraining { network: RegressorConfig { width: 8 }, batch: 2, ..Default::default() };
         let mut trainee =
             RegressorTrainee::new(config, &stage("r"), &network, &basis, shortcut, clips).expect("it fits");
@@ -195,12 +201,18 @@ fn the_player_predicts_what_was_validated() {
             assert_ne!(shortcut, whole.shortcut);
             whole.shortcut = shortcut;
         }
-        let played = played_mm(&whole, &network.to_decoder(), &clip);
+        let played = played_mm(&whole, &decoder, &clip);
         assert!((played - validated).abs() < 1e-4 * validated, "{played} {validated}");
+        if amplitude != 1.0 {
+            // Else it would not matter where the decoder is asked.
+            let elsewhere = plain::Regressor { mass: plain::MassLaw::default(), ..whole.clone() };
+            let other = played_mm(&elsewhere, &decoder, &MotionSequence { amplitude: 1.0, ..clip.clone() });
+            assert!((f64::from(amplitude) * other - validated).abs() > 1e-3 * validated, "{other} {validated}");
+        }
     }
 }
 
-/// Mean vertex error of a rollout, mm.
+/// Mean vertex error of a rollout of a body with the clip's amplitude, mm.
 fn played_mm(regressor: &plain::Regressor, decoder: &plain::Decoder, clip: &MotionSequence) -> f64 {
     let (mut state, mut scratch) = (regressor.start(&[]), vec![0.0; 2 * K + 256]);
     let mut sum = 0.0;
@@ -209,7 +221,7 @@ fn played_mm(regressor: &plain::Regressor, decoder: &plain::Decoder, clip: &Moti
         let mut found = [0.0; 12];
         decoder.lift.apply(state.latent(), &mut found[..K]);
         decoder.units.iter().for_each(|unit| unit.apply(&mut found[..K], &mut scratch));
-        found.iter_mut().zip(wanted).for_each(|(f, w)| *f -= w);
+        found.iter_mut().zip(wanted).for_each(|(f, w)| *f -= clip.amplitude * w);
         sum += found.chunks(3).map(|d| f64::from(d.iter().map(|x| x * x).sum::<f32>().sqrt())).sum::<f64>();
     }
     1000.0 * sum / (4 * clip.frames()) as f64
