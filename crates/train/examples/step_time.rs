@@ -1,9 +1,9 @@
 //! Times a training step at the sizes of `quick`: `cargo run --release -p softtissue-train --example step_time`.
 
-use softtissue_model::{Autoencoder, AutoencoderConfig};
+use softtissue_model::{Autoencoder, AutoencoderConfig, ShortcutStart};
 use softtissue_random::Draws;
 use softtissue_train::{
-    Clips, DeltaFrames, DeltaSurface, MotionSequence, RegressorTrainee, RegressorTraining, Result, Shortcut, Stage,
+    Clips, DeltaFrames, DeltaSurface, MotionSequence, RegressorTrainee, RegressorTraining, Result, Stage,
     SubspaceTrainee, SubspaceTraining, Trainee, device,
 };
 use std::sync::Arc;
@@ -11,6 +11,7 @@ use std::time::Instant;
 
 const COMPONENTS: usize = 256;
 const LATENTS: usize = 100;
+const INPUTS: usize = 90;
 const STEPS: u64 = 20;
 
 fn main() -> Result<()> {
@@ -28,7 +29,8 @@ fn main() -> Result<()> {
         let clips = Clips { train: (0..20).map(|_| sequence(frames)).collect(), validation: vec![sequence(frames)] };
         let directions = surface(1724).directions;
         let config = RegressorTraining::default();
-        let mut trainee = RegressorTrainee::new(config, &stage, &subspace, &directions, Shortcut::Fixed, clips)?;
+        let shortcut = ShortcutStart { weight: numbers(INPUTS * LATENTS, 0.01), bias: vec![0.0; LATENTS] };
+        let mut trainee = RegressorTrainee::new(config, &stage, &subspace, &directions, shortcut, clips)?;
         report(&format!("regressor, 10 clips of {frames} frames"), &mut trainee)?;
     }
     Ok(())
@@ -68,9 +70,8 @@ fn frames(count: usize) -> DeltaFrames {
 
 fn sequence(frames: usize) -> MotionSequence {
     MotionSequence {
-        input: numbers(frames * 90, 1.0),
-        input_width: 90,
-        shortcut: numbers(frames * LATENTS, 0.1),
+        input: numbers(frames * INPUTS, 1.0),
+        input_width: INPUTS,
         target: numbers(frames * COMPONENTS, 0.1),
         amplitude: 1.0,
     }

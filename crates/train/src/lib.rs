@@ -35,7 +35,7 @@ pub use feedback_step::{FeedbackClip, FeedbackGround, FeedbackTrainee, FeedbackT
 pub use fit_adam::{AdamFit, AdamPoseFit};
 pub use log::RunLog;
 pub use pose_step::{PoseTrainee, PoseTraining};
-pub use regressor_step::{LossSpace, MotionSequence, RegressorTrainee, RegressorTraining, Shortcut};
+pub use regressor_step::{LossSpace, MotionSequence, RegressorTrainee, RegressorTraining};
 pub use schedule::cosine;
 pub use stage::{Clips, Stage};
 pub use subspace_step::{DeltaFrames, DeltaSurface, SubspaceTrainee, SubspaceTraining};

@@ -1,8 +1,8 @@
 //! One small training on any device, so that backends can be held against each other.
 
 use crate::{
-    AdamConfig, Clips, DeltaFrames, DeltaSurface, MotionSequence, RegressorTrainee, RegressorTraining, Result,
-    Shortcut, Stage, SubspaceTrainee, SubspaceTraining, Trainee,
+    AdamConfig, Clips, DeltaFrames, DeltaSurface, MotionSequence, RegressorTrainee, RegressorTraining, Result, Stage,
+    SubspaceTrainee, SubspaceTraining, Trainee,
 };
 use burn::tensor::Device;
 use softtissue_model::{AutoencoderConfig, RegressorConfig, ShortcutStart};
@@ -25,7 +25,7 @@ pub fn twenty_steps(device: &Device) -> Result<Vec<f64>> {
     let autoencoder = subspace.into_network();
     let mut draws = Draws::new(stage.seed, "parity/shortcut", 0, 0);
     let mut weights = |n: usize| (0..n).map(|_| 0.01 * draws.normal() as f32).collect();
-    let shortcut = Shortcut::Trained(ShortcutStart { weight: weights(INPUTS * LATENTS), bias: weights(LATENTS) });
+    let shortcut = ShortcutStart { weight: weights(INPUTS * LATENTS), bias: weights(LATENTS) };
     let config = RegressorTraining { network: RegressorConfig { width: 8 }, batch: 2, ..RegressorTraining::default() };
     let clips = Clips { train: vec![motion(0, 14), motion(1, 9), motion(2, 11)], validation: vec![motion(3, 10)] };
     let mut regressor = RegressorTrainee::new(config, &stage, &autoencoder, &directions, shortcut, clips)?;
@@ -107,5 +107,5 @@ fn motion(epoch: u64, frames: usize) -> MotionSequence {
         let x: Vec<f64> = row[..LATENTS].iter().map(|x| f64::from(*x)).collect();
         (0..COMPONENTS).map(|k| coefficient(&x, k)).collect::<Vec<_>>()
     });
-    MotionSequence { shortcut: input.clone(), input_width: INPUTS, target: target.collect(), amplitude: 1.0, input }
+    MotionSequence { input_width: INPUTS, target: target.collect(), amplitude: 1.0, input }
 }

@@ -61,22 +61,10 @@ pub struct MotionSequence {
     pub input: Vec<f32>,
     /// Numbers in a row of `input`, `I`.
     pub input_width: usize,
-    /// What the shortcut gives or sees, `[T, Q]`: see [`Shortcut`].
-    pub shortcut: Vec<f32>,
     /// Wanted coefficients, `[T, K]`, metres for a body whose amplitude is one.
     pub target: Vec<f32>,
     /// What the body's coefficients are to these: a distance is measured after it.
     pub amplitude: f32,
-}
-
-/// What stands around the recurrent unit.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Shortcut {
-    /// A linear layer that is trained along, from these weights (for latents in metres). The clips' `shortcut` holds
-    /// what it sees, `[T, Q]`.
-    Trained(ShortcutStart),
-    /// Something outside that stays as it is. The clips' `shortcut` holds the latents it gives, `[T, L]`, metres.
-    Fixed,
 }
 
 /// Learns a [`Regressor`] by rollouts over whole clips (SoftSMPL eq. 10), through a decoder that stays as it is.
@@ -98,7 +86,6 @@ struct Prepared {
     frames: usize,
     amplitude: f32,
     input: Vec<f32>,
-    shortcut: Vec<f32>,
     /// `[T, K]`.
     target: Vec<f32>,
     /// What the loss compares with: `target`, or its latents.
@@ -112,32 +99,28 @@ struct Batch<'a> {
     lengths: Vec<usize>,
     /// `[T, B, I]`, time-major.
     input: Tensor<3>,
-    /// `[T B, Q]`.
-    shortcut: Tensor<2>,
     /// Of each row's clip, `[T B, 1]`.
     amplitude: Tensor<2>,
 }
 
 impl RegressorTrainee {
     /// A regressor whose recurrent part adds nothing yet. `autoencoder` is the trained subspace, `directions`
-    /// `[K, V * 3]` its orthonormal basis in metres.
+    /// `[K, V * 3]` its orthonormal basis in metres, `shortcut` where the linear layer around the recurrent unit starts, for
+    /// latents in metres.
     pub fn new(
         config: RegressorTraining,
         stage: &Stage,
         autoencoder: &Autoencoder,
         directions: &[f32],
-        shortcut: Shortcut,
+        shortcut: ShortcutStart,
         clips: Clips<Vec<MotionSequence>>,
     ) -> Result<Self> {
         let device = stage.device.clone().inner();
         let autoencoder = autoencoder.valid().to_device(&device);
         let (decoder, scale) = (autoencoder.decoder.clone(), autoencoder.scale);
         let (components, latents) = (decoder.components(), decoder.latent_count());
-        let seen = match &shortcut {
-            Shortcut::Trained(start) => start.weight.len() / latents,
-            Shortcut::Fixed => latents,
-        };
-        let inputs = clips.train.first().map_or(0, |clip| clip.input_width);
+        assert_eq!(shortcut.bias.len(), latents, "outputs of a shortcut");
+        let inputs = shortcut.inputs();
         if config.batch == 0 || clips.train.is_empty() || clips.validation.is_empty() {
             return Err(TrainError::Config(
                 "regressor: training needs a batch of at least 1 and at least one clip each to train and to validate"
@@ -145,18 +128,15 @@ impl RegressorTrainee {
             ));
         }
         for clip in clips.train.iter().chain(&clips.validation) {
-            clip.check(inputs, seen, components)?;
+            clip.check(inputs, components)?;
         }
         let prepare = |clips: Vec<MotionSequence>| -> Vec<Prepared> {
-            clips.into_iter().map(|clip| Prepared::new(clip, &shortcut, &autoencoder, config.space, &device)).collect()
+            clips.into_iter().map(|clip| Prepared::new(clip, &autoencoder, config.space, &device)).collect()
         };
         let (train, validation) = (prepare(clips.train), prepare(clips.validation));
-        let start = match shortcut {
-            Shortcut::Trained(start) => Some(start.in_units_of(scale)),
-            Shortcut::Fixed => None,
-        };
+        let start = shortcut.in_units_of(scale);
         let mut draws = Draws::new(stage.seed, &format!("{}/start", stage.name), 0, 0);
-        let network = Regressor::new(&config.network, inputs, latents, start, &mut draws, &device.clone().autodiff());
+        let network = Regressor::new(&config.network, start, &mut draws, &device.clone().autodiff());
         let vertex_count = directions.len() / components / 3;
         let loss = TrajectoryLoss { weights: config.terms.clone(), vertex_count, scale };
         let directions = directions.iter().map(|d| d * scale).collect();
@@ -197,7 +177,7 @@ impl Trainee for RegressorTrainee {
 
         let trace = GruTrace::new(&self.network.gru, batch.input.clone());
         let leaf = trace.states().autodiff().require_grad();
-        let latents = self.network.latents(leaf.clone(), batch.shortcut.clone());
+        let latents = self.network.latents(leaf.clone(), batch.rows());
         let output = self.compared(latents, &batch.amplitude);
         let error = batch.error(&host(output.clone()), |clip| &clip.goal);
         let (loss, terms, gradient) = self.loss.value_and_gradient(&error, &batch.lengths);
@@ -224,7 +204,7 @@ impl Trainee for RegressorTrainee {
             let batch = Batch::new(clips.iter().collect(), &self.stage.device);
             let states = network.gru.forward(batch.input.clone());
             let [length, count, width] = states.dims();
-            let latents = network.latents(states.reshape([length * count, width]), batch.shortcut.clone());
+            let latents = network.latents(states.reshape([length * count, width]), batch.rows());
             let output = host(self.decoded(latents, &batch.amplitude));
             // Padding has no error, so it adds nothing.
             let mut error = batch.error(&output, |clip| &clip.target);
@@ -252,21 +232,18 @@ impl MotionSequence {
         self.input.len() / self.input_width.max(1)
     }
 
-    fn check(&self, inputs: usize, shortcut: usize, components: usize) -> Result<()> {
+    fn check(&self, inputs: usize, components: usize) -> Result<()> {
         let frames = self.frames();
         let fits = frames > 0
             && self.input_width == inputs
             && self.input.len() == frames * inputs
-            && self.shortcut.len() == frames * shortcut
             && self.target.len() == frames * components;
         match fits {
             true => Ok(()),
             false => Err(TrainError::Numeric(format!(
-                "regressor: a clip with {} inputs of {}, {} shortcut numbers and {} coefficients does not fit {inputs}, \
-                 {shortcut} and {components} a frame",
+                "regressor: a clip with {} inputs of {} and {} coefficients does not fit {inputs} and {components} a frame",
                 self.input.len(),
                 self.input_width,
-                self.shortcut.len(),
                 self.target.len()
             ))),
         }
@@ -274,15 +251,10 @@ impl MotionSequence {
 }
 
 impl Prepared {
-    fn new(clip: MotionSequence, kind: &Shortcut, network: &Autoencoder, space: LossSpace, device: &Device) -> Self {
+    fn new(clip: MotionSequence, network: &Autoencoder, space: LossSpace, device: &Device) -> Self {
         let frames = clip.frames();
         let unit = 1.0 / network.scale;
-        let scaled = |numbers: Vec<f32>| -> Vec<f32> { numbers.into_iter().map(|x| x * unit).collect() };
-        let shortcut = match kind {
-            Shortcut::Trained(_) => clip.shortcut,
-            Shortcut::Fixed => scaled(clip.shortcut),
-        };
-        let target = scaled(clip.target);
+        let target: Vec<f32> = clip.target.into_iter().map(|x| x * unit).collect();
         let goal = match space {
             LossSpace::Coefficients => target.clone(),
             LossSpace::Latent => {
@@ -290,7 +262,7 @@ impl Prepared {
                 host(network.encoder.forward(target, None) / clip.amplitude)
             }
         };
-        Self { frames, amplitude: clip.amplitude, input: clip.input, shortcut, target, goal }
+        Self { frames, amplitude: clip.amplitude, input: clip.input, target, goal }
     }
 }
 
@@ -299,24 +271,23 @@ impl<'a> Batch<'a> {
         let lengths: Vec<usize> = clips.iter().map(|c| c.frames).collect();
         let frames = lengths.iter().copied().max().unwrap_or(0);
         let (count, first) = (clips.len(), clips[0]);
-        let width = |numbers: &[f32]| numbers.len() / first.frames;
-        let gather = |numbers: fn(&Prepared) -> &[f32]| {
-            let width = width(numbers(first));
-            let mut all = vec![0.0f32; frames * count * width];
-            for (b, clip) in clips.iter().enumerate() {
-                for (t, row) in numbers(clip).chunks_exact(width).enumerate() {
-                    all[(t * count + b) * width..][..width].copy_from_slice(row);
-                }
+        let width = first.input.len() / first.frames;
+        let mut input = vec![0.0f32; frames * count * width];
+        for (b, clip) in clips.iter().enumerate() {
+            for (t, row) in clip.input.chunks_exact(width).enumerate() {
+                input[(t * count + b) * width..][..width].copy_from_slice(row);
             }
-            (all, width)
-        };
-        let (input, inputs) = gather(|c| &c.input);
-        let (shortcut, seen) = gather(|c| &c.shortcut);
-        let input = tensor(input, [frames, count, inputs], device);
-        let shortcut = tensor(shortcut, [frames * count, seen], device);
+        }
+        let input = tensor(input, [frames, count, width], device);
         let amplitudes = clips.iter().map(|clip| clip.amplitude).cycle().take(frames * count);
         let amplitude = tensor(amplitudes.collect(), [frames * count, 1], device);
-        Self { clips, lengths, input, shortcut, amplitude }
+        Self { clips, lengths, input, amplitude }
+    }
+
+    /// The inputs as `[T B, I]`.
+    fn rows(&self) -> Tensor<2> {
+        let [frames, count, width] = self.input.dims();
+        self.input.clone().reshape([frames * count, width])
     }
 
     /// Multiplies numbers `[T B, W]` by their clips' amplitudes.

@@ -10,7 +10,7 @@ use softtissue_bundle::descriptor::FeatureBlock;
 use softtissue_bundle::{Acquaintance, Linear, Matrix, Regressor, ResonatorBank, Subspace};
 use softtissue_model::linear::{ReadoutConfig, Score, SoftScore, fit_readout};
 use softtissue_model::{Autoencoder, ShortcutStart, TrainingClip, truncated};
-use softtissue_train::{Clips, MotionSequence, RegressorTrainee, RegressorTraining, Shortcut, Stage};
+use softtissue_train::{Clips, MotionSequence, RegressorTrainee, RegressorTraining, Stage};
 
 /// What the regressor learns from.
 pub struct RegressorInputs<'a> {
@@ -156,11 +156,10 @@ fn train_network(
     let clips = Clips { train: sequences(&inputs.clips.train), validation: sequences(&inputs.clips.validation) };
     let stage = Stage { name: name.to_owned(), seed: context.config.seed, device: context.device.clone() };
     let directions = inputs.subspace.basis.directions.data();
-    let shortcut = Shortcut::Trained(start);
-    let mut trainee = RegressorTrainee::new(training.clone(), &stage, inputs.network, directions, shortcut, clips)?;
+    let mut trainee = RegressorTrainee::new(training.clone(), &stage, inputs.network, directions, start, clips)?;
     let (best_step, best_mm) = context.train(place, name, &mut trainee, training.steps)?;
     let (network, scale) = (trainee.into_network(), inputs.network.scale);
-    let linear = network.to_shortcut(scale).expect("the network was made with a linear layer");
+    let linear = network.to_shortcut(scale);
     let mut recurrent = network.to_recurrent(scale);
     recurrent.gru.w_ih = widened(&recurrent.gru.w_ih, seen, all);
     let regressor = Regressor {
@@ -350,7 +349,6 @@ fn sequence(readout: &Regressor, clip: &TrainingClip, seen: usize) -> MotionSequ
         scaled.chunks_exact(d.max(1)).flat_map(|x| x[..seen].iter().copied().chain(shape.iter().copied())).collect();
     MotionSequence {
         input_width: seen + shape.len(),
-        shortcut: input.clone(),
         input,
         target: clip.coefficients.iter().map(|c| c / amplitude).collect(),
         amplitude,

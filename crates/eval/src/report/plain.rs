@@ -11,6 +11,8 @@ pub fn tables(metrics: &Metrics) -> String {
         judged(metrics),
         methods(metrics),
         energies(metrics),
+        dynamics(metrics),
+        decays(metrics),
         channels(metrics),
         sequences(metrics),
         subspace(metrics),
@@ -84,6 +86,50 @@ fn energies(metrics: &Metrics) -> String {
         if cells.iter().any(Option::is_some) && !["body", "mean"].contains(&name) {
             table.row(name, cells);
         }
+    }
+    table.finish()
+}
+
+/// How each method moves, and what it does when the motion stops or does not end.
+fn dynamics(metrics: &Metrics) -> String {
+    let mut table = Table::new(
+        "Dynamics of soft regions: spectral distance in dB, error of the spectrum's peak, lag (positive: late); after the \
+         motion's end the greatest error of frequency and damping ratio, regions that do not ring, and rms speed 2 s later \
+         over that before; greatest rms of a long rollout over that in training.",
+        &["method", "spectral", "peak, Hz", "lag, ms", "decay, Hz", "damping", "silent", "rest", "long rollout"],
+    );
+    for (name, m) in metrics.main_methods() {
+        let soft = m.regions.get("soft").copied().unwrap_or_default();
+        let lag = soft.lag_ms.map(|ms| format!("{ms:+.1}"));
+        let rang = m.decay_hz_error.is_some() || m.decay_missing.is_some();
+        let cells = [
+            fixed(soft.spectral_distance, 2),
+            fixed(soft.peak_hz_error, 2),
+            lag,
+            fixed(m.decay_hz_error, 2),
+            fixed(m.decay_damping_error, 3),
+            rang.then(|| m.decay_missing.unwrap_or(0).to_string()),
+            fixed(m.rest_ratio, 3),
+            fixed(m.bounded_ratio, 2),
+        ];
+        if cells.iter().any(Option::is_some) && !["body", "mean"].contains(&name) {
+            table.row(name, cells);
+        }
+    }
+    table.finish()
+}
+
+/// Free decay region by region.
+fn decays(metrics: &Metrics) -> String {
+    let mut methods: Vec<&String> = metrics.decays.iter().flat_map(|d| d.methods.keys()).collect();
+    methods.sort_by(|a, b| by_rank(a, b));
+    methods.dedup();
+    let columns: Vec<&str> = ["region", "truth"].into_iter().chain(methods.iter().map(|m| m.as_str())).collect();
+    let mut table = Table::new("Free decay after the motion's end: frequency in Hz and damping ratio.", &columns);
+    let text = |f: &crate::DecayFigures| format!("{:.2}, {:.2}", f.hz, f.damping_ratio);
+    for d in &metrics.decays {
+        let own = methods.iter().map(|m| d.methods.get(*m).map(text));
+        table.row(&format!("{}, {}", d.subject, d.region), std::iter::once(Some(text(&d.truth))).chain(own));
     }
     table.finish()
 }
@@ -405,7 +451,8 @@ mod tests {
         assert_eq!(line(&text, "beta 1"), ["beta 1", "-2.5", "0.5"]);
         assert_eq!(line(&text, "BMI"), ["BMI, kg/m²", "18", "34"]);
         assert_eq!(line(&text, "oracle"), ["oracle", "12.0", "60.0"]);
-        assert!(text.contains("oracle        1.2    6.0") || text.contains("6.0"), "{text}");
+        let amplitude = text.split("Amplitude of the same").nth(1).expect("a table");
+        assert_eq!(line(amplitude, "oracle"), ["oracle", "1.2", "6.0"]);
         assert_eq!(line(&text, "50"), ["50 (PCA kept)", "2.000", "1.800", "0.900", "-", "-", "-"]);
         // the heaviest first
         assert_eq!(line(&text, "person"), ["person", "beta 1", "PCA-50", "AE-50"]);
@@ -414,6 +461,29 @@ mod tests {
         let timed = text.split("Time of a frame").nth(1).expect("a table");
         assert_eq!(line(timed, "method"), ["method", "descriptor", "decoder", "whole", "95 %"]);
         assert_eq!(line(timed, "dyna"), ["dyna", "0.100", "0.400", "0.600", "0.700"]);
+    }
+
+    #[test]
+    fn what_rings_on_is_told_for_each_method_and_region() {
+        let mut m = metrics();
+        let dyna = m.methods.get_mut("dyna").expect("dyna");
+        (dyna.decay_hz_error, dyna.decay_damping_error, dyna.decay_missing) = (Some(0.5), Some(0.04), Some(2));
+        (dyna.rest_ratio, dyna.bounded_ratio) = (Some(0.006), Some(1.1));
+        dyna.regions.get_mut("soft").expect("soft").lag_ms = Some(12.0);
+        let figures = |hz, damping_ratio| crate::DecayFigures { hz, damping_ratio, explained: 1.0 };
+        let decay = |methods| crate::DecayMetrics {
+            subject: "s07".into(),
+            region: "belly".into(),
+            truth: figures(3.1, 0.2),
+            methods,
+        };
+        m.decays = vec![decay([("dyna".to_owned(), figures(4.4, 0.13))].into()), decay([].into())];
+        let text = tables(&m);
+        let dynamics = text.split("Dynamics of soft regions").nth(1).expect("a table");
+        assert_eq!(line(dynamics, "dyna"), ["dyna", "-", "-", "+12.0", "0.50", "0.040", "2", "0.006", "1.10"]);
+        assert_eq!(line(&text, "s07, belly"), ["s07, belly", "3.10, 0.20", "4.40, 0.13"]);
+        assert_eq!(text.matches("3.10, 0.20   ").count(), 2, "{text}");
+        assert!(text.lines().any(|l| l.starts_with("s07, belly") && l.ends_with(" -")), "{text}");
     }
 
     #[test]

@@ -6,8 +6,8 @@ use softtissue_bundle as plain;
 use softtissue_bundle::descriptor::{FeatureBlock, FeatureScaling};
 use softtissue_model::{RegressorConfig, ShortcutStart};
 use softtissue_train::{
-    Clips, DeltaFrames, DeltaSurface, LossSpace, MotionSequence, RegressorTrainee, RegressorTraining, Shortcut, Stage,
-    State, SubspaceTrainee, SubspaceTraining, Trainee,
+    Clips, DeltaFrames, DeltaSurface, LossSpace, MotionSequence, RegressorTrainee, RegressorTraining, Stage, State,
+    SubspaceTrainee, SubspaceTraining, Trainee,
 };
 use std::sync::Arc;
 
@@ -50,12 +50,10 @@ fn sequence(name: &str, frames: usize) -> MotionSequence {
     let target = curved(name, frames);
     let input: Vec<f32> =
         target.chunks(K).flat_map(|row| row[..L].iter().map(|c| 100.0 * c).collect::<Vec<_>>()).collect();
-    // Half of the truth, so that there is something left for the recurrent unit.
-    let shortcut = input.iter().map(|x| 0.005 * x).collect();
-    MotionSequence { input, input_width: L, shortcut, target, amplitude: 1.0 }
+    MotionSequence { input, input_width: L, target, amplitude: 1.0 }
 }
 
-fn regressor(steps: u64, space: LossSpace, shortcut: Shortcut) -> RegressorTrainee {
+fn regressor(steps: u64, space: LossSpace, shortcut: ShortcutStart) -> RegressorTrainee {
     let network = RegressorConfig { width: 16 };
     let config = RegressorTraining { network, steps, batch: 3, space, learning_rate: 1e-2, ..Default::default() };
     let train = (0..5).map(|i| sequence(&format!("clip{i}"), 20 + 3 * i)).collect();
@@ -65,8 +63,14 @@ fn regressor(steps: u64, space: LossSpace, shortcut: Shortcut) -> RegressorTrain
         .expect("a small training")
 }
 
-fn shortcut_from_zero() -> Shortcut {
-    Shortcut::Trained(ShortcutStart { weight: vec![0.0; L * L], bias: vec![0.0; L] })
+fn shortcut_from_zero() -> ShortcutStart {
+    ShortcutStart { weight: vec![0.0; L * L], bias: vec![0.0; L] }
+}
+
+/// Half of the truth, so that there is something left to learn.
+fn half_the_truth() -> ShortcutStart {
+    let weight = (0..L * L).map(|i| if i % (L + 1) == 0 { 0.005 } else { 0.0 });
+    ShortcutStart { weight: weight.collect(), bias: vec![0.0; L] }
 }
 
 fn run(trainee: &mut dyn Trainee, steps: std::ops::Range<u64>) -> Vec<f64> {
@@ -91,7 +95,7 @@ fn resumes(make: impl Fn() -> Box<dyn Trainee>, cut: u64, steps: u64) {
 #[test]
 fn both_resume_to_the_same_bits() {
     resumes(|| Box::new(subspace(9)), 4, 9);
-    resumes(|| Box::new(regressor(9, LossSpace::Coefficients, Shortcut::Fixed)), 5, 9);
+    resumes(|| Box::new(regressor(9, LossSpace::Coefficients, half_the_truth())), 5, 9);
     resumes(|| Box::new(regressor(9, LossSpace::Latent, shortcut_from_zero())), 1, 9);
 }
 
@@ -120,7 +124,7 @@ fn the_autoencoder_starts_as_pca_and_ends_below_it() {
 
 #[test]
 fn the_regressor_starts_as_its_shortcut_and_learns_the_rest() {
-    let mut trainee = regressor(300, LossSpace::Coefficients, Shortcut::Fixed);
+    let mut trainee = regressor(300, LossSpace::Coefficients, half_the_truth());
     let start = trainee.validate().expect("validation");
     run(&mut trainee, 0..300);
     let end = trainee.validate().expect("validation");
@@ -141,14 +145,14 @@ fn data_that_do_not_fit_are_refused() {
     let clips = Clips { train: frames("train", 10), validation: frames("validation", 3) };
     let refused = SubspaceTrainee::new(config, &stage("s"), K + 1, surface(), clips).map(|_| ()).unwrap_err();
     assert!(refused.to_string().contains("9 latent numbers of 8 components"), "{refused}");
-    let short = MotionSequence { shortcut: vec![0.0; 5], ..sequence("short", 6) };
+    let short = MotionSequence { target: vec![0.0; 5], ..sequence("short", 6) };
     let clips = Clips { train: vec![short], validation: vec![sequence("v", 4)] };
     let (network, basis) = (subspace(1).into_network(), surface().directions);
     let refused =
-        RegressorTrainee::new(RegressorTraining::default(), &stage("r"), &network, &basis, Shortcut::Fixed, clips)
+        RegressorTrainee::new(RegressorTraining::default(), &stage("r"), &network, &basis, half_the_truth(), clips)
             .map(|_| ())
             .unwrap_err();
-    assert!(refused.to_string().contains("5 shortcut numbers"), "{refused}");
+    assert!(refused.to_string().contains("5 coefficients"), "{refused}");
 }
 
 /// What was trained, run frame by frame by the player, gives the training's own error.
@@ -162,7 +166,7 @@ fn the_player_predicts_what_was_validated() {
     run(&mut curved, 0..200);
     let subspace = curved.into_network();
     let decoder = subspace.to_decoder();
-    for (trained, amplitude) in [(true, 1.0f32), (false, 1.0), (true, 1.5)] {
+    for amplitude in [1.0f32, 1.5] {
         let sequence = |name: &str, frames: usize| MotionSequence { amplitude, ..sequence(name, frames) };
         let clip = sequence("played", 40);
         let mut whole = plain::Regressor {
@@ -174,21 +178,14 @@ fn the_player_predicts_what_was_validated() {
             ..plain::Regressor::default()
         };
         let unit = whole.input.scale[0];
-        let prepared = |clip: &MotionSequence| {
-            let input: Vec<f32> = clip.input.iter().map(|x| x * unit).collect();
-            let latents = input.chunks(L).flat_map(|x| {
-                let mut z = [0.0; L];
-                whole.shortcut.apply(x, &mut z);
-                z
-            });
-            let shortcut = if trained { input.clone() } else { latents.collect() };
-            MotionSequence { input, shortcut, ..clip.clone() }
+        let prepared = |clip: &MotionSequence| MotionSequence {
+            input: clip.input.iter().map(|x| x * unit).collect(),
+            ..clip.clone()
         };
         let train = vec![prepared(&sequence("a", 30)), prepared(&sequence("b", 25))];
         let clips = Clips { train, validation: vec![prepared(&clip)] };
         // The weights' matrix and its transpose are equal here.
-        let start = ShortcutStart { weight: vec![0.002; L * L], bias: vec![0.001; L] };
-        let shortcut = if trained { Shortcut::Trained(start) } else { Shortcut::Fixed };
+        let shortcut = ShortcutStart { weight: vec![0.002; L * L], bias: vec![0.001; L] };
         let (network, basis) = (subspace.clone(), surface().directions);
         let config = RegressorTraining { network: RegressorConfig { width: 8 }, batch: 2, ..Default::default() };
         let mut trainee =
@@ -197,10 +194,9 @@ fn the_player_predicts_what_was_validated() {
         let validated = trainee.validate().expect("validation");
         let learned = trainee.into_network();
         whole.recurrent = Some(learned.to_recurrent(network.scale));
-        if let Some(shortcut) = learned.to_shortcut(network.scale) {
-            assert_ne!(shortcut, whole.shortcut);
-            whole.shortcut = shortcut;
-        }
+        let shortcut = learned.to_shortcut(network.scale);
+        assert_ne!(shortcut, whole.shortcut);
+        whole.shortcut = shortcut;
         let played = played_mm(&whole, &decoder, &clip);
         assert!((played - validated).abs() < 1e-4 * validated, "{played} {validated}");
         if amplitude != 1.0 {
