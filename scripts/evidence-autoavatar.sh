@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # AutoAvatar's evidence: the paper's tables with our figures, as docs/evidence/autoavatar.md.
 #
-#   scripts/evidence-autoavatar.sh                    the default size, about an hour and a half on two cores
+#   scripts/evidence-autoavatar.sh                    the default size, about two hours on two cores
 #   scripts/evidence-autoavatar.sh --check            runs nothing, says whether everything is there
 #   SIZE=smoke OUT=DIR scripts/evidence-autoavatar.sh a reduced form that proves the wiring; no figure of it is quoted
 #
@@ -112,7 +112,7 @@ page() {
     local run count
     echo "# AutoAvatar"
     echo
-    echo "Made by \`scripts/evidence-autoavatar.sh\`, size \`$size\`. The person who is learned, the motion that is interpolated"
+    echo "Made by \`${SET:+SET=\"$SET\" }scripts/evidence-autoavatar.sh\`, size \`$size\`. The person who is learned, the motion that is interpolated"
     echo "(its second half is left out) and the motions that are extrapolated are in the settings below; what the figures mean is"
     echo "in [autoavatar.md](../autoavatar.md#measures). \`standing-still\` keeps the last true heights. Lower is better but for"
     echo "energy, where 1 is right. The same as [text](autoavatar.txt), [JSON](autoavatar.json) and [page](report/autoavatar.html)."

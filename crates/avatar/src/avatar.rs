@@ -88,6 +88,14 @@ impl AvatarBody {
         (0..self.still.len()).filter(|i| !self.still[*i]).collect()
     }
 
+    /// Heights of a surface over the observers of a frame, `[M]`, metres, closed where it is not met.
+    pub fn heights_of(&self, surface: &dyn SignedDistance, observers: &ObserverFrame) -> Vec<f32> {
+        let mut found = heights(surface, &observers.positions, &observers.normals, &self.heights);
+        let met: Vec<bool> = found.iter().map(|h| *h > self.heights.lowest).collect();
+        self.close(&mut found, &met);
+        found
+    }
+
     /// Heights, `[M]`, that are not `known` closed smoothly from those round them: a hole of a scan, or where skin touches
     /// skin and no surface is met.
     pub(crate) fn close(&self, heights: &mut [f32], known: &[bool]) {
@@ -166,13 +174,7 @@ impl<'a> AvatarField<'a> {
     /// Its signed heights over the observers, `[M]`, metres, closed where it is not met: the state that the next frame is
     /// predicted from.
     pub fn heights(&self) -> &[f32] {
-        self.heights.get_or_init(|| {
-            let config = &self.body.heights;
-            let mut found = heights(self, &self.observers.positions, &self.observers.normals, config);
-            let met: Vec<bool> = found.iter().map(|h| *h > config.lowest).collect();
-            self.body.close(&mut found, &met);
-            found
-        })
+        self.heights.get_or_init(|| self.body.heights_of(self, self.observers))
     }
 
     /// Values and gradients at a few points.

@@ -337,16 +337,33 @@ impl Config {
     }
 
     fn check_learning(&self) -> Result<(), String> {
-        let (subspace, regressor, ladder) = (&self.subspace, &self.regressor, &self.ladder);
-        let (ae, gru) = (&subspace.training, &regressor.training);
+        self.check_networks()?;
+        self.check_ladder()?;
+        let (subspace, regressor) = (&self.subspace, &self.regressor);
+        at_least_one("subspace.pca.components", subspace.pca.components)?;
+        at_least_one("train.keep_last", self.train.keep_last)?;
+        within("regressor.given_for_motion", regressor.given_for_motion, 0.0..=1.0)?;
+        within("regressor.stranger", f64::from(regressor.stranger), 0.0..=1.0)?;
+        if subspace.sizes.contains(&0) {
+            return Err("subspace.sizes holds 0; a subspace has at least one number".into());
+        }
+        if !subspace.sizes.contains(&regressor.latents) {
+            return Err(format!(
+                "regressor.latents is {}, which is none of subspace.sizes {:?}; add it there or choose one of them",
+                regressor.latents, subspace.sizes
+            ));
+        }
+        Ok(())
+    }
+
+    /// The trainings of the autoencoders and of the recurrent network.
+    fn check_networks(&self) -> Result<(), String> {
+        let (ae, gru) = (&self.subspace.training, &self.regressor.training);
         for (key, count) in [
-            ("subspace.pca.components", subspace.pca.components),
             ("subspace.training.batch", ae.batch),
             ("subspace.training.network.width", ae.network.width),
             ("regressor.training.batch", gru.batch),
             ("regressor.training.network.width", gru.network.width),
-            ("ladder.resonators.frame_stride", ladder.resonators.frame_stride),
-            ("train.keep_last", self.train.keep_last),
         ] {
             at_least_one(key, count)?;
         }
@@ -365,8 +382,6 @@ impl Config {
         ] {
             within(&format!("regressor.training.terms.{key}"), factor, 0.0..=1e6)?;
         }
-        within("regressor.given_for_motion", regressor.given_for_motion, 0.0..=1.0)?;
-        within("regressor.stranger", f64::from(regressor.stranger), 0.0..=1.0)?;
         within("subspace.training.dropout", ae.dropout, 0.0..=0.99)?;
         within("subspace.training.input_noise", ae.input_noise, 0.0..=1e3)?;
         within("subspace.training.normal_weight", ae.normal_weight, 0.0..=1e9)?;
@@ -375,35 +390,33 @@ impl Config {
             within(&format!("{key}.beta_2"), adam.beta_2, 0.0..=1.0 - 1e-9)?;
             within(&format!("{key}.epsilon"), adam.epsilon, 1e-300..=1.0)?;
         }
+        Ok(())
+    }
+
+    /// The closed-form methods.
+    fn check_ladder(&self) -> Result<(), String> {
+        let (resonators, ar2, dyna) = (&self.ladder.resonators, &self.ladder.ar2, &self.dyna.ar2);
+        at_least_one("ladder.resonators.frame_stride", resonators.frame_stride)?;
         for (key, strengths) in [
-            ("ladder.resonators.strengths", &ladder.resonators.strengths),
-            ("ladder.ar2.strengths", &ladder.ar2.strengths),
-            ("dyna.ar2.strengths", &self.dyna.ar2.strengths),
+            ("ladder.resonators.strengths", &resonators.strengths),
+            ("ladder.ar2.strengths", &ar2.strengths),
+            ("dyna.ar2.strengths", &dyna.strengths),
         ] {
             if strengths.is_empty() {
                 return Err(format!("{key} is empty; write one or more ridge strengths"));
             }
             strengths.iter().try_for_each(|s| within(key, *s, f64::MIN_POSITIVE..=1e6))?;
         }
-        ladder.resonators.check(self.descriptor.fps).map_err(|e| format!("ladder.resonators: {e}"))?;
-        ladder.ar2.check().map_err(|e| format!("ladder.ar2: {e}"))?;
-        self.dyna.ar2.check().map_err(|e| format!("dyna.ar2: {e}"))?;
-        let constant = ladder.resonators.shape_terms.iter().any(|powers| powers.iter().all(|p| *p == 0));
-        if regressor.shortcut == ShortcutKind::Resonators && !(ladder.resonators.direct && constant) {
+        resonators.check(self.descriptor.fps).map_err(|e| format!("ladder.resonators: {e}"))?;
+        ar2.check().map_err(|e| format!("ladder.ar2: {e}"))?;
+        dyna.check().map_err(|e| format!("dyna.ar2: {e}"))?;
+        let constant = resonators.shape_terms.iter().any(|powers| powers.iter().all(|p| *p == 0));
+        if self.regressor.shortcut == ShortcutKind::Resonators && !(resonators.direct && constant) {
             return Err(
                 "regressor.shortcut = \"resonators\" needs ladder.resonators.direct = true and the constant [] \
                         among ladder.resonators.shape_terms; set these, or choose \"linear\""
                     .into(),
             );
-        }
-        if subspace.sizes.contains(&0) {
-            return Err("subspace.sizes holds 0; a subspace has at least one number".into());
-        }
-        if !subspace.sizes.contains(&regressor.latents) {
-            return Err(format!(
-                "regressor.latents is {}, which is none of subspace.sizes {:?}; add it there or choose one of them",
-                regressor.latents, subspace.sizes
-            ));
         }
         Ok(())
     }

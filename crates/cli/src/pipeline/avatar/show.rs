@@ -4,9 +4,10 @@ use super::scene::AvatarScene;
 use anyhow::Result;
 use softtissue_avatar::{AvatarBody, AvatarClip, Conditioning, PoseSource};
 use softtissue_eval::surfaces::{HeightLayer, HeightView};
-use softtissue_eval::viewer::{Layer, ViewClip};
-use softtissue_geometry::Frames;
-use softtissue_implicit::FreeRollout;
+use softtissue_eval::viewer::ViewClip;
+use softtissue_geometry::{Frames, Mesh};
+use softtissue_implicit::{FreeRollout, MeshField};
+use std::ops::Range;
 
 /// What turns heights into layers.
 pub struct AvatarShow<'a> {
@@ -47,22 +48,26 @@ impl AvatarShow<'_> {
             ("predicted", "AutoAvatar", rollout(Conditioning::Autoregressive)),
             ("pose", "Pose", rollout(Conditioning::Pose)),
         ];
+        let truth = self.true_heights(clip, frames.clone())?;
         let mut layers = vec![HeightLayer { key: "reference", label: "Scan", heights: &clip.heights[frames.clone()] }];
         layers.extend(named.iter().filter_map(|(key, label, free)| {
             Some(HeightLayer { key, label, heights: &free.as_ref().filter(|f| f.start == start)?.heights })
         }));
+        layers.extend(truth.iter().map(|heights| HeightLayer { key: "surface", label: "True surface", heights }));
         let fps = scene.config.descriptor.fps;
-        let mut shown = view.clip(clip.id.to_string(), fps, start as f32 / fps, &layers);
-        if let Some(truth) = scene.scans.open_truth()? {
-            let clean = truth.clean(&clip.id)?.vertices;
-            shown.layers.push(Layer {
-                key: "surface",
-                label: "True surface".into(),
-                over: None,
-                frames: part(&clean, frames),
-            });
-        }
-        Ok(Some(shown))
+        Ok(Some(view.clip(clip.id.to_string(), fps, start as f32 / fps, &layers)))
+    }
+
+    /// The heights of the true surface, of generated scans. Its own vertices also hold how the skin slides, which no height
+    /// does, and would seem farther from the scan than any prediction.
+    fn true_heights(&self, clip: &AvatarClip, frames: Range<usize>) -> Result<Option<Vec<Vec<f32>>>> {
+        let Some(truth) = self.scene.scans.open_truth()? else { return Ok(None) };
+        let clean = truth.clean(&clip.id)?.vertices;
+        let heights = |t: usize| {
+            let mesh = Mesh::new(clean.frame(t).to_vec(), self.scene.body.topology.clone());
+            self.avatar.heights_of(&MeshField::new(&mesh), &clip.observers[t])
+        };
+        Ok(Some(frames.map(heights).collect()))
     }
 }
 
