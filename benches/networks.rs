@@ -56,14 +56,13 @@ impl Model {
             bias: vec![0.0; LATENTS],
         };
         let start = start.in_units_of(autoencoder.scale);
-        let regressor =
-            Regressor::new(&RegressorConfig::default(), features + SHAPES, LATENTS, Some(start), &mut draws, &device);
+        let regressor = Regressor::new(&RegressorConfig::default(), start, &mut draws, &device);
         let plain = softtissue_bundle::Regressor {
             input: unscaled(features),
             shape: unscaled(SHAPES),
             shape_terms: vec![vec![]],
             direct: true,
-            shortcut: regressor.to_shortcut(autoencoder.scale).unwrap_or_default(),
+            shortcut: regressor.to_shortcut(autoencoder.scale),
             recurrent: Some(regressor.to_recurrent(autoencoder.scale)),
             ..Default::default()
         };
