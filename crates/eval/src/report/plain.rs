@@ -93,8 +93,8 @@ fn energies(metrics: &Metrics) -> String {
 /// How each method moves, and what it does when the motion stops or does not end.
 fn dynamics(metrics: &Metrics) -> String {
     let mut table = Table::new(
-        "Dynamics of soft regions: spectral distance in dB, error of the spectrum's peak, lag (positive: late); after the \
-         motion's end the greatest error of frequency and damping ratio, regions that do not ring, and rms speed 2 s later \
+        "Dynamics of soft regions: spectral distance in dB, error of the spectrum's peak, lag (positive: late); after the\n\
+         motion's end the greatest error of frequency and damping ratio, regions that do not ring, and rms speed 2 s later\n\
          over that before; greatest rms of a long rollout over that in training.",
         &["method", "spectral", "peak, Hz", "lag, ms", "decay, Hz", "damping", "silent", "rest", "long rollout"],
     );
