@@ -135,28 +135,34 @@ part_methods() {
 }
 # Where SoftSMPL is asked for its subspaces alone.
 subspaces_alone=(--set softsmpl.transfer_steps=2 --set softsmpl.training.steps=2 --set softsmpl.poses.training.epochs=1)
-# Table 1 and the default method over the seeds.
+# Table 1 and the default method over the seeds, from the measures: two spaces of indent are a level.
 over_seeds() {
-    local names=("$out"/held-out-{softtissue,softsmpl}.txt) seed
-    for seed in "${seeds[@]:1}"; do names+=("$out"/held-out-{softtissue,softsmpl}-seed-"$seed".txt); done
-    awk -F '   +' -v seeds="${seeds[*]}" '
-        function add(name, i, x) { if (!(name in seen)) { seen[name] = ++rows; order[rows] = name }
-            n[name, i]++; sum[name, i] += x; square[name, i] += x * x }
+    local names=("$out"/held-out-{softtissue,softsmpl}.json) seed
+    for seed in "${seeds[@]:1}"; do names+=("$out"/held-out-{softtissue,softsmpl}-seed-"$seed".json); done
+    awk -v seeds="${seeds[*]}" '
+        function add(name, i, x) { n[name, i]++; sum[name, i] += x; square[name, i] += x * x }
         function spread(name, i,   m, k, v) { k = n[name, i]; m = sum[name, i] / k
             v = k > 1 ? (square[name, i] - k * m * m) / (k - 1) : 0
             return sprintf("%.3f ± %.3f", m, v > 0 ? sqrt(v) : 0) }
-        FNR == 1 { subspaces = 0 }
-        /^Subspaces/ { subspaces = FILENAME ~ /softsmpl/ }
-        /^softtissue / && !(FILENAME in taken) { taken[FILENAME] = 1; add("softtissue", 1, $5); add("softtissue", 2, $6) }
-        subspaces && /^[0-9]/ { sub(/ .*/, "", $1); for (i = 1; i <= 3; i++) add($1 " numbers", i, $(i + 1)) }
-        /^$/ { subspaces = 0 }
+        /^  "/ { section = $1 }
+        /^    "/ { entry = $1; gsub(/[":]/, "", entry) }
+        /^        "/ { region = $1 }
+        section == "\"methods\":" && entry == "softtissue" && FILENAME ~ /softtissue/ {
+            if (/^      "soft_ratio":/) add(entry, 1, $2 + 0)
+            if (/^          "energy_ratio":/ && region == "\"soft\":") add(entry, 2, $2 + 0)
+        }
+        section == "\"subspace\":" && FILENAME ~ /softsmpl/ {
+            if (/"ae_mm":/) autoencoder = $2 + 0
+            if (/"pca_mm":/ && !/scan/) { sizes[entry + 0]
+                add(entry, 1, $2 + 0); add(entry, 2, autoencoder); add(entry, 3, autoencoder / $2) }
+        }
         END {
             print "Over the seeds " seeds ": mean ± sample standard deviation."
             printf "%-12s   %16s   %16s\n", "method", "soft ratio", "energy"
             printf "%-12s   %16s   %16s\n\n", "softtissue", spread("softtissue", 1), spread("softtissue", 2)
             printf "%-12s   %16s   %16s   %16s\n", "subspace, mm", "PCA", "autoencoder", "ratio"
-            for (r = 1; r <= rows; r++) if (order[r] != "softtissue")
-                printf "%-12s   %16s   %16s   %16s\n", order[r], spread(order[r], 1), spread(order[r], 2), spread(order[r], 3)
+            for (size = 1; size <= 1000; size++) if (size in sizes)
+                printf "%-12s   %16s   %16s   %16s\n", size " numbers", spread(size, 1), spread(size, 2), spread(size, 3)
         }' "${names[@]}"
 }
 part_ablations() {

@@ -315,7 +315,11 @@ impl Reader<'_> {
                         r.frequency, r.damping
                     )));
                 }
-                Some(ResonatorBank::new(bank.resonators.clone(), bank.channels, fps))
+                if let Some(Err(what)) = bank.hardening.map(|law| law.check()) {
+                    return Err(self.refused(&what));
+                }
+                let linear = ResonatorBank::new(bank.resonators.clone(), bank.channels, fps);
+                Some(linear.with_hardening(bank.hardening))
             }
             None => None,
         };

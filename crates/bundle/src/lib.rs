@@ -63,7 +63,7 @@ pub use player::Player;
 pub use precision::{Precision, PrecisionLoss, REFINED};
 pub use regressor::{BodyRegressor, Recurrent, Regressor, RegressorState};
 pub use report::{RolloutReport, StepReport};
-pub use resonators::{Resonator, ResonatorBank};
+pub use resonators::{Hardening, Resonator, ResonatorBank};
 pub use subspace::{Decoder, DeltaBasis, Encoder, Subspace, SubspaceScratch};
 pub use times::{StepPart, StepTimes};
 pub use trust::{LEAST_SHAPE_REACH, SeenClip, Trust};

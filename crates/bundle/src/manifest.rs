@@ -1,14 +1,14 @@
 use crate::descriptor::DescriptorConfig;
 use crate::{
-    AutoregressiveModel, Bundle, BundleError, BundleInfo, FeedbackModel, MassLaw, Model, Precision, RecurrentModel,
-    Resonator, Result,
+    AutoregressiveModel, Bundle, BundleError, BundleInfo, FeedbackModel, Hardening, MassLaw, Model, Precision,
+    RecurrentModel, Resonator, Result,
 };
 use serde::{Deserialize, Serialize};
 use softtissue_store::{StoreError, read_limited};
 use std::path::Path;
 
 /// Version of the format that this program writes, and the newest that it reads.
-pub const FORMAT_VERSION: u64 = 6;
+pub const FORMAT_VERSION: u64 = 7;
 /// The oldest that it reads: a network of version 5 is as sure of everybody.
 const OLDEST_VERSION: u64 = 5;
 /// First word of every manifest.
@@ -113,6 +113,8 @@ pub(crate) struct PersonForm {
 pub(crate) struct BankForm {
     pub(crate) channels: usize,
     pub(crate) resonators: Vec<Resonator>,
+    #[serde(default)]
+    pub(crate) hardening: Option<Hardening>,
 }
 
 /// Limits of the training data for a reader's eye; the arrays hold them all.
@@ -159,7 +161,11 @@ impl RecurrentForm {
             beta_count: regressor.shape.input_size,
             shape_terms: regressor.shape_terms.clone(),
             mass: regressor.mass,
-            bank: bank.map(|b| BankForm { channels: b.channels(), resonators: b.resonators().to_vec() }),
+            bank: bank.map(|b| BankForm {
+                channels: b.channels(),
+                resonators: b.resonators().to_vec(),
+                hardening: b.hardening(),
+            }),
             direct: regressor.direct,
             recurrent: regressor.recurrent.is_some(),
             acquaintance: known.map(|a| AcquaintanceForm { share: a.share, stranger: a.stranger }),

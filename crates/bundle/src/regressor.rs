@@ -76,6 +76,8 @@ pub struct RegressorState {
     input: Vec<f32>,
     /// `a`: the bank's state, then `x` where the shortcut sees it.
     memory: Vec<f32>,
+    /// The bank's drive.
+    drive: f32,
     hidden: Vec<f32>,
     scratch: Vec<f32>,
     latent: Vec<f32>,
@@ -177,6 +179,7 @@ impl Regressor {
         RegressorState {
             input,
             memory: vec![0.0; self.memory_count()],
+            drive: 0.0,
             hidden: vec![0.0; width],
             scratch: vec![0.0; 6 * width],
             latent: vec![0.0; l],
@@ -194,7 +197,7 @@ impl Regressor {
         let bank = state.body.bank.as_ref().map_or(0, ResonatorBank::outputs);
         let (bank_state, direct) = state.memory.split_at_mut(bank);
         if let Some(bank) = &state.body.bank {
-            bank.step(x, bank_state);
+            bank.step(x, bank_state, &mut state.drive);
         }
         if self.sees_features() {
             direct.copy_from_slice(x);
@@ -221,16 +224,18 @@ impl RegressorState {
     /// Forgets the motion, not the body.
     pub fn reset(&mut self) {
         self.memory.fill(0.0);
+        self.drive = 0.0;
         self.hidden.fill(0.0);
         self.latent.fill(0.0);
     }
     /// Takes over what another state of the same body remembers.
     pub(crate) fn remember(&mut self, other: &Self) {
         self.memory.copy_from_slice(&other.memory);
+        self.drive = other.drive;
         self.hidden.copy_from_slice(&other.hidden);
     }
     /// Whether memory and output are finite.
     pub fn is_finite(&self) -> bool {
-        self.memory.iter().chain(&self.hidden).chain(&self.latent).all(|x| x.is_finite())
+        self.memory.iter().chain([&self.drive]).chain(&self.hidden).chain(&self.latent).all(|x| x.is_finite())
     }
 }

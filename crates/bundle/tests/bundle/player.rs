@@ -18,6 +18,7 @@ fn forms() -> Vec<Parts> {
         Parts { look_ahead: 3, ..Default::default() },
         Parts { acquainted: true, ..Default::default() },
         Parts { acquainted: true, bank: false, ..Default::default() },
+        Parts { hardening: false, ..Default::default() },
     ]
 }
 

@@ -67,18 +67,27 @@ pub fn regress(regressor: &Regressor, features: &[f32], beta: &[f32]) -> Vec<Vec
     let resonators = regressor.bank.as_ref().map_or(&[][..], |bank| bank.resonators());
     let channels = regressor.bank.as_ref().map_or(0, |bank| bank.channels());
     let mut bank = vec![vec![(0.0f64, 0.0f64); channels]; resonators.len()];
+    let law = regressor.bank.as_ref().and_then(|bank| bank.hardening());
+    let mut drive = 0.0f64;
     let mut hidden = vec![0.0; regressor.recurrent.as_ref().map_or(0, |r| r.gru.w_hh.cols())];
     let mut latents = vec![];
     for frame in features.chunks_exact(regressor.input.input_size) {
         let x = scale(&regressor.input, frame);
         let mut a = vec![];
+        let fps = regressor.bank.as_ref().map_or(0.0, |bank| f64::from(bank.fps()));
+        let harder = law.map_or(1.0, |law| {
+            let (floor, kept) = (f64::from(law.floor), (-1.0 / (fps * f64::from(law.seconds))).exp());
+            let square = x[..channels].iter().map(|u| u * u).sum::<f64>() / channels as f64;
+            drive = kept * drive + (1.0 - kept) * square;
+            ((drive + floor) / (1.0 + floor)).powf(0.5 * f64::from(law.exponent))
+        });
         for (resonator, states) in resonators.iter().zip(&mut bank) {
-            let fps = f64::from(regressor.bank.as_ref().unwrap().fps());
             let (f, d) = (f64::from(resonator.frequency), f64::from(resonator.damping));
-            let w = std::f64::consts::TAU * (faster * f).min(0.47 * fps);
+            let w = std::f64::consts::TAU * (harder * (faster * f).min(0.47 * fps)).min(0.47 * fps);
             let (radius, angle) = ((-d * w / fps).exp(), (1.0 - d * d).sqrt() * w / fps);
             let (p, q) = (radius * angle.cos(), radius * angle.sin());
             for (state, u) in states.iter_mut().zip(&x) {
+                let u = u / harder;
                 // (p + iq) s + (1 - p - iq) u
                 *state = (p * state.0 - q * state.1 + (1.0 - p) * u, p * state.1 + q * state.0 - q * u);
             }

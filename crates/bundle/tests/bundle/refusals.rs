@@ -248,6 +248,9 @@ fn missing_unknown_and_misshapen_arrays() {
     let dir = good();
     edit_manifest(dir.path(), |m| m["model"]["bank"]["resonators"][0]["damping"] = json!(-0.1));
     refuse(dir.path(), "not stable");
+    let dir = good();
+    edit_manifest(dir.path(), |m| m["model"]["bank"]["hardening"]["floor"] = json!(0.0));
+    refuse(dir.path(), "law of hardening");
     for (key, value) in [
         ("direct", json!(false)),
         ("shape_terms", json!([[], [0, 1]])),

@@ -76,6 +76,7 @@ pub fn body() -> BodyModel {
 pub struct Parts {
     pub features: FeatureKind,
     pub bank: bool,
+    pub hardening: bool,
     pub direct: bool,
     pub recurrent: bool,
     pub units: usize,
@@ -88,6 +89,7 @@ impl Default for Parts {
         Self {
             features: FeatureKind::ModalForces,
             bank: true,
+            hardening: true,
             direct: true,
             recurrent: true,
             units: 2,
@@ -155,7 +157,8 @@ pub fn bundle(parts: Parts) -> Bundle {
     let bank = parts.bank.then(|| {
         let resonators =
             [(2.0, 0.08), (5.0, 0.2), (9.0, 0.4)].map(|(frequency, damping)| Resonator { frequency, damping });
-        ResonatorBank::new(resonators.to_vec(), 4, config.fps)
+        let hardening = Hardening { exponent: 0.4, seconds: 0.05, floor: 0.1 };
+        ResonatorBank::new(resonators.to_vec(), 4, config.fps).with_hardening(parts.hardening.then_some(hardening))
     });
     let d = input.len();
     let mut regressor = Regressor {

@@ -75,7 +75,7 @@ pub fn prepare(context: &Context, opened: Opened) -> Result<Prepared> {
 }
 
 /// Raised whenever the same fit and settings would give another model, so that a kept stage is not mistaken.
-const LEARNED: u32 = 8;
+const LEARNED: u32 = 9;
 
 /// The same scans with another split; `prefix` names the fold's stages.
 pub fn fold(context: &Context, kept: Arc<KeptBody>, scans: Scans, split: Split, prefix: String) -> Result<Prepared> {

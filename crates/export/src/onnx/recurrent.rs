@@ -1,7 +1,10 @@
 use super::OnnxForm;
 use super::graph::Graph;
 use softtissue_bundle::descriptor::FeatureScaling;
-use softtissue_bundle::{Gru, Linear, Matrix, Recurrent, RecurrentModel, ResidualUnit, ResonatorBank, Subspace};
+use softtissue_bundle::{
+    Gru, Hardening, Linear, Matrix, Recurrent, RecurrentModel, ResidualUnit, ResonatorBank, Subspace,
+};
+use std::iter::repeat_n;
 
 /// The graph of a recurrent model of one body: what [`softtissue_bundle::Regressor::step`] and
 /// [`softtissue_bundle::Subspace::decode`] compute.
@@ -47,38 +50,127 @@ fn scaled(graph: &mut Graph, scaling: &FeatureScaling, features: &str) -> String
 }
 
 /// A step of the bank: with every real part's imaginary part fetched beside it (and the other way round), two products and
-/// what comes in.
+/// what comes in. Springs that harden keep their drive as the last number of the memory.
 fn resonators(graph: &mut Graph, bank: &ResonatorBank, x: &str) -> String {
-    let c = bank.channels();
-    let (mut own, mut other, mut gain) = (vec![], vec![], vec![]);
+    let (c, n) = (bank.channels(), bank.outputs());
     let (mut partner, mut channel) = (vec![], vec![]);
-    for (p, &[a, b]) in bank.poles().iter().enumerate() {
+    for p in 0..bank.poles().len() {
         for part in 0..2 {
-            for i in 0..c {
-                own.push(a);
-                other.push(if part == 0 { -b } else { b });
-                gain.push(if part == 0 { 1.0 - a } else { -b });
-                partner.push((2 * p * c + (1 - part) * c + i) as i64);
-                channel.push(i as i64);
-            }
+            partner.extend((0..c).map(|i| (2 * p * c + (1 - part) * c + i) as i64));
+            channel.extend((0..c).map(|i| i as i64));
         }
     }
-    let size = [bank.outputs()];
+    let size = [n + usize::from(bank.hardening().is_some())];
     let memory = graph.input("memory", &size, "memory_out of the frame before; zero before the first");
     let partner = graph.indices("bank.partner", &partner);
     let channel = graph.indices("bank.channel", &channel);
-    let own = graph.numbers("bank.own", &size, &own);
-    let other = graph.numbers("bank.other", &size, &other);
-    let gain = graph.numbers("bank.gain", &size, &gain);
-    let partners = graph.node("bank.partners", "Gather", &[&memory, &partner], &[("axis", 1)]);
     let driven = graph.node("bank.driven", "Gather", &[x, &channel], &[("axis", 1)]);
-    let kept = graph.node("bank.kept", "Mul", &[&memory, &own], &[]);
+    let (before, drive, input, Factors { own, other, gain }) = match bank.hardening() {
+        None => (memory, None, driven, linear_factors(graph, bank)),
+        Some(law) => {
+            let places: Vec<i64> = (0..=n as i64).collect();
+            let (states, last) = (graph.indices("bank.states", &places[..n]), graph.indices("bank.last", &places[n..]));
+            let before = graph.node("bank.before", "Gather", &[&memory, &states], &[("axis", 1)]);
+            let drive = graph.node("bank.drive_before", "Gather", &[&memory, &last], &[("axis", 1)]);
+            let (drive, harder) = hardness(graph, law, bank, x, &drive);
+            let input = graph.node("bank.yielding", "Div", &[&driven, &harder], &[]);
+            (before, Some(drive), input, hardened_factors(graph, bank, &harder))
+        }
+    };
+    let partners = graph.node("bank.partners", "Gather", &[&before, &partner], &[("axis", 1)]);
+    let kept = graph.node("bank.kept", "Mul", &[&before, &own], &[]);
     let turned = graph.node("bank.turned", "Mul", &[&partners, &other], &[]);
-    let input = graph.node("bank.input", "Mul", &[&driven, &gain], &[]);
+    let input = graph.node("bank.input", "Mul", &[&input, &gain], &[]);
     let free = graph.node("bank.free", "Add", &[&kept, &turned], &[]);
-    let out = graph.node("memory_out", "Add", &[&free, &input], &[]);
+    let answer = match drive {
+        None => graph.node("memory_out", "Add", &[&free, &input], &[]),
+        Some(drive) => {
+            let answer = graph.node("bank.answer", "Add", &[&free, &input], &[]);
+            graph.node("memory_out", "Concat", &[&answer, &drive], &[("axis", 1)]);
+            answer
+        }
+    };
     graph.output("memory_out", &size, "memory of the next frame");
-    out
+    answer
+}
+
+/// What each number of the bank, its partner and its input are multiplied by.
+struct Factors {
+    own: String,
+    other: String,
+    gain: String,
+}
+
+fn linear_factors(graph: &mut Graph, bank: &ResonatorBank) -> Factors {
+    let (mut own, mut other, mut gain) = (vec![], vec![], vec![]);
+    for &[a, b] in bank.poles() {
+        for (turned, driven) in [(-b, 1.0 - a), (b, -b)] {
+            own.extend(repeat_n(a, bank.channels()));
+            other.extend(repeat_n(turned, bank.channels()));
+            gain.extend(repeat_n(driven, bank.channels()));
+        }
+    }
+    let size = [bank.outputs()];
+    Factors {
+        own: graph.numbers("bank.own", &size, &own),
+        other: graph.numbers("bank.other", &size, &other),
+        gain: graph.numbers("bank.gain", &size, &gain),
+    }
+}
+
+/// The drive after a frame, `[batch, 1]`, and how hard it makes the springs, `[batch, 1]`.
+fn hardness(graph: &mut Graph, law: Hardening, bank: &ResonatorBank, x: &str, before: &str) -> (String, String) {
+    let c = bank.channels();
+    let kept = law.kept(bank.fps());
+    let channels: Vec<i64> = (0..c as i64).collect();
+    let channels = graph.indices("bank.channels", &channels);
+    let share = graph.numbers("bank.share", &[c, 1], &vec![(1.0 - kept) / c as f32; c]);
+    let kept = graph.numbers("bank.drive_kept", &[1], &[kept]);
+    let floor = graph.numbers("bank.floor", &[1], &[law.floor]);
+    let nominal = graph.numbers("bank.nominal", &[1], &[1.0 + law.floor]);
+    let exponent = graph.numbers("bank.exponent", &[1], &[0.5 * law.exponent]);
+    let inputs = graph.node("bank.inputs", "Gather", &[x, &channels], &[("axis", 1)]);
+    let squares = graph.node("bank.squares", "Mul", &[&inputs, &inputs], &[]);
+    let fresh = graph.node("bank.drive_fresh", "MatMul", &[&squares, &share], &[]);
+    let old = graph.node("bank.drive_old", "Mul", &[before, &kept], &[]);
+    let drive = graph.node("bank.drive", "Add", &[&old, &fresh], &[]);
+    let raised = graph.node("bank.raised", "Add", &[&drive, &floor], &[]);
+    let beside = graph.node("bank.beside", "Div", &[&raised, &nominal], &[]);
+    let harder = graph.node("bank.hardness", "Pow", &[&beside, &exponent], &[]);
+    (drive, harder)
+}
+
+/// The factors of poles at `harder` times their frequencies.
+fn hardened_factors(graph: &mut Graph, bank: &ResonatorBank, harder: &str) -> Factors {
+    let (c, poles) = (bank.channels(), bank.poles().len());
+    let turns: Vec<[f64; 2]> = bank.resonators().iter().map(|r| r.decay_and_angle(bank.fps())).collect();
+    let row = |i: usize| turns.iter().map(|turn| turn[i] as f32).collect::<Vec<f32>>();
+    let hardest: Vec<f32> = (0..poles).map(|p| bank.hardest(p)).collect();
+    let decay = graph.numbers("bank.decay", &[poles], &row(0));
+    let angle = graph.numbers("bank.angle", &[poles], &row(1));
+    let hardest = graph.numbers("bank.hardest", &[poles], &hardest);
+    let one = graph.numbers("bank.one", &[1], &[1.0]);
+    let factor = graph.node("bank.factor", "Min", &[harder, &hardest], &[]);
+    let decay = graph.node("bank.decays", "Mul", &[&factor, &decay], &[]);
+    let angle = graph.node("bank.angles", "Mul", &[&factor, &angle], &[]);
+    let radius = graph.node("bank.radius", "Exp", &[&decay], &[]);
+    let cosine = graph.node("bank.cosine", "Cos", &[&angle], &[]);
+    let sine = graph.node("bank.sine", "Sin", &[&angle], &[]);
+    let a = graph.node("bank.real", "Mul", &[&radius, &cosine], &[]);
+    let b = graph.node("bank.imaginary", "Mul", &[&radius, &sine], &[]);
+    let minus = graph.node("bank.minus", "Neg", &[&b], &[]);
+    let rest = graph.node("bank.rest", "Sub", &[&one, &a], &[]);
+    let all = graph.node("bank.poles", "Concat", &[&a, &b, &minus, &rest], &[("axis", 1)]);
+    // Where the factor of a real and of an imaginary part stands among the four.
+    let mut spread = |name: &str, real: usize, imaginary: usize| {
+        let places: Vec<i64> = (0..poles)
+            .flat_map(|p| [real, imaginary].map(|part| repeat_n((part * poles + p) as i64, c)))
+            .flatten()
+            .collect();
+        let places = graph.indices(&format!("bank.{name}_places"), &places);
+        graph.node(&format!("bank.{name}"), "Gather", &[&all, &places], &[("axis", 1)])
+    };
+    Factors { own: spread("own", 0, 0), other: spread("other", 2, 1), gain: spread("gain", 3, 2) }
 }
 
 /// What the recurrent network adds to the latent.

@@ -2,7 +2,7 @@ use super::ladder::{Ladder, LadderModel, Rule};
 use crate::{ModelError, plain};
 use serde::{Deserialize, Serialize};
 use softtissue_bundle::descriptor::{DescriptorConfig, FeatureScaling};
-use softtissue_bundle::{Ar2, DeltaBasis, MassLaw, Matrix, Resonator, ResonatorBank};
+use softtissue_bundle::{Ar2, DeltaBasis, Hardening, MassLaw, Matrix, Resonator, ResonatorBank};
 use softtissue_store::{StoreError, TensorFile, TensorFileWriter};
 use std::path::Path;
 
@@ -30,6 +30,7 @@ enum RuleEntry {
         resonators: Vec<Resonator>,
         channels: usize,
         fps: f32,
+        hardening: Option<Hardening>,
         direct: bool,
     },
     Ar2 {
@@ -121,6 +122,7 @@ fn entry_of(model: &LadderModel) -> Entry {
             resonators: r.bank.as_ref().map_or(vec![], |b| b.resonators().to_vec()),
             channels: r.bank.as_ref().map_or(0, ResonatorBank::channels),
             fps: r.bank.as_ref().map_or(0.0, ResonatorBank::fps),
+            hardening: r.bank.as_ref().and_then(ResonatorBank::hardening),
             direct: r.direct,
         },
         Rule::Ar2 { scaling, subjects, .. } => {
@@ -145,14 +147,18 @@ fn read_rule(file: &TensorFile, i: usize, entry: RuleEntry, k: usize) -> Result<
             let fits = pooled.len() == k && subjects.iter().all(|(_, m)| m.len() == k);
             fits.then_some(Rule::Mean { subjects, pooled })
         }
-        RuleEntry::Readout { input, shape, shape_terms, mass, resonators, channels, fps, direct } => {
+        RuleEntry::Readout { input, shape, shape_terms, mass, resonators, channels, fps, hardening, direct } => {
             if input.check().is_err() || shape.check().is_err() || channels > input.len() {
                 return Ok(None);
             }
             if resonators.iter().any(|r| r.pole(fps).is_none()) || resonators.len() > 4096 {
                 return Ok(None);
             }
-            let bank = (!resonators.is_empty()).then(|| ResonatorBank::new(resonators, channels, fps));
+            if hardening.is_some_and(|law| law.check().is_err()) {
+                return Ok(None);
+            }
+            let bank = (!resonators.is_empty())
+                .then(|| ResonatorBank::new(resonators, channels, fps).with_hardening(hardening));
             let shortcut =
                 plain::Linear { weight: matrix(file, &format!("{i}.weight"))?, bias: file.f32(&format!("{i}.bias"))? };
             let regressor = plain::Regressor {

@@ -5,7 +5,7 @@ use crate::{ModelError, TrainingClip, plain};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use softtissue_bundle::descriptor::{FeatureBlock, FeatureScaling};
-use softtissue_bundle::{MassLaw, Matrix, Resonator, ResonatorBank};
+use softtissue_bundle::{Hardening, MassLaw, Matrix, Resonator, ResonatorBank};
 use std::collections::BTreeMap;
 
 /// A linear readout in the vertex metric, with or without a bank of damped resonators between it and the features.
@@ -28,6 +28,11 @@ pub struct ReadoutConfig {
     /// Logarithm of the bank's frequencies for one unit of `beta[1]`: flesh of heavy people (negative) swings slower.
     /// Default 0.25.
     pub frequency_by_mass: f32,
+    /// How flesh that is driven harder swings faster and yields less than in proportion: the power of the forces' root
+    /// mean square that the bank's frequencies follow. Default 0.3; 0: linear springs.
+    pub hardening: f32,
+    /// Time constant of these forces' mean square, seconds. Default 0.04.
+    pub hardening_seconds: f32,
     /// Whether deltas grow exponentially with body mass, by a rate that is learned. Default true. A bank's readout only.
     pub amplitude_by_mass: bool,
     /// Ridge strength of a first fit in which each component answers to its own force alone, as a part of all
@@ -51,6 +56,8 @@ impl Default for ReadoutConfig {
             shape_terms: vec![vec![], vec![0, 1]],
             shape_share: 0.25,
             frequency_by_mass: 0.25,
+            hardening: 0.3,
+            hardening_seconds: 0.04,
             amplitude_by_mass: true,
             own_strength: 3e-4,
             strengths: vec![1e-4, 3e-4, 1e-3, 3e-3, 1e-2],
@@ -85,6 +92,9 @@ impl ReadoutConfig {
         good("whitening", whitening.into(), (0.0..1.0).contains(&whitening), "0 or more and less than 1")?;
         good("shape_share", share.into(), share > 0.0 && share <= 10.0, "more than 0 and at most 10")?;
         good("frequency_by_mass", rate.into(), rate.abs() <= 2.0, "a number between -2 and 2")?;
+        let (exponent, seconds) = (self.hardening, self.hardening_seconds);
+        good("hardening", exponent.into(), (0.0..=1.0).contains(&exponent), "a number between 0 and 1")?;
+        good("hardening_seconds", seconds.into(), (0.0..=1.0).contains(&seconds), "a number between 0 and 1")?;
         let own = self.own_strength;
         good("own_strength", own, own >= 0.0 && own.is_finite(), "0 or more")?;
         match self.resonators().find(|r| r.pole(fps).is_none()) {
@@ -96,11 +106,20 @@ impl ReadoutConfig {
         }
     }
 
+    /// How the bank's springs harden; `None` where they are linear.
+    fn law_of_hardening(&self) -> Option<Hardening> {
+        let law = Hardening { exponent: self.hardening, seconds: self.hardening_seconds, floor: STANDING };
+        (self.hardening > 0.0).then_some(law)
+    }
+
     fn resonators(&self) -> impl Iterator<Item = Resonator> + '_ {
         let of = |frequency: f32| self.damping_ratios.iter().map(move |&damping| Resonator { frequency, damping });
         self.frequencies_hz.iter().flat_map(move |&f| of(f))
     }
 }
+
+/// Mean square of the forces, beside one in training, below which flesh counts as standing still.
+const STANDING: f32 = 0.05;
 
 /// `count` numbers from `first` to `last` with equal ratios.
 fn logarithmic(first: f32, last: f32, count: usize) -> Vec<f32> {
@@ -213,7 +232,8 @@ fn untrained(
     // Forces drive the flesh; pose entries beside them only bias it. Without forces everything drives.
     let driving = blocks.iter().find(|b| b.name == "modal-forces").map_or(usize::MAX, |b| b.range.end);
     let channels = input.kept.iter().filter(|d| (**d as usize) < driving).count();
-    let bank = (!resonators.is_empty()).then(|| ResonatorBank::new(resonators, channels, fps));
+    let bank = (!resonators.is_empty())
+        .then(|| ResonatorBank::new(resonators, channels, fps).with_hardening(config.law_of_hardening()));
     let shape_terms = config.shape_terms.iter().filter_map(|powers| kept_powers(powers, &shape)).collect();
     let mass = if bank.is_some() { mass_law(config, train) } else { MassLaw::default() };
     Ok(plain::Regressor {
@@ -298,7 +318,7 @@ fn equations(regressor: &plain::Regressor, shares: &[f32], clip: &TrainingClip, 
     let scaled = regressor.input.apply_clip(&clip.features);
     let (d, k) = (regressor.feature_count(), clip.coefficient_count());
     let bank = regressor.bank_of(&clip.beta);
-    let mut state = vec![0.0; bank.as_ref().map_or(0, ResonatorBank::outputs)];
+    let (mut state, mut drive) = (vec![0.0; bank.as_ref().map_or(0, ResonatorBank::outputs)], 0.0);
     let amplitude = regressor.mass.amplitude(&clip.beta);
     let mut memory = Vec::with_capacity(clip.frames.div_ceil(stride) * regressor.memory_count());
     let mut targets = Vec::with_capacity(clip.frames.div_ceil(stride) * k);
@@ -306,7 +326,7 @@ fn equations(regressor: &plain::Regressor, shares: &[f32], clip: &TrainingClip, 
     for t in 0..clip.frames {
         let x = &scaled[t * d..(t + 1) * d];
         if let Some(bank) = &bank {
-            bank.step(x, &mut state);
+            bank.step(x, &mut state, &mut drive);
         }
         if t % stride == 0 {
             memory.extend_from_slice(&state);

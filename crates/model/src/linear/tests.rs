@@ -43,6 +43,11 @@ struct Case {
 /// Motions of three subjects whose flesh is one damped oscillator a vertex, driven by the root's acceleration; the heavier
 /// (lower `beta[1]`) the slower and the farther.
 fn cases(motions: std::ops::Range<u32>) -> Vec<Case> {
+    cases_on_springs(motions, 0.0)
+}
+
+/// The same on springs that are `1 + cubic x^2` times as stiff at `x` metres (Duffing's), driven gently and hard.
+fn cases_on_springs(motions: std::ops::Range<u32>, cubic: f32) -> Vec<Case> {
     let mut cases = vec![];
     for (s, b1) in [-1.0f32, 0.2, 1.3].into_iter().enumerate() {
         for motion in motions.clone() {
@@ -68,7 +73,7 @@ fn cases(motions: std::ops::Range<u32>) -> Vec<Case> {
                 // 3 Hz at no mass, damping ratio 0.2, in small steps.
                 for _ in 0..16 {
                     let w = TAU * 3.0 * (0.25 * b1).exp();
-                    v += (-(w * w) * x - 0.4 * w * v - drive * (1.0 - 0.2 * b1)) / 960.0;
+                    v += (-(w * w) * (1.0 + cubic * x * x) * x - 0.4 * w * v - drive * (1.0 - 0.2 * b1)) / 960.0;
                     x += v / 960.0;
                 }
                 let frame: Vec<Vec3> = (0..VERTICES).map(|i| Vec3::new(0.0, x * (0.5 + 0.1 * i as f32), 0.0)).collect();
@@ -107,8 +112,9 @@ fn ladder() -> (Ladder, Vec<LadderScore>) {
     let of = |cases: &[Case], d: &Descriptor| clips(cases, &pca.basis, d);
     let (own_train, own_validation) = (of(&train, &own_features), of(&validation, &own_features));
     let (dyna_train, dyna_validation) = (of(&train, &dyna_features), of(&validation, &dyna_features));
+    let linear = ReadoutConfig { hardening: 0.0, ..Default::default() };
     Ladder::fit(
-        &LadderConfig::default(),
+        &LadderConfig { resonators: linear, ..Default::default() },
         &pca.basis,
         &body,
         FeatureSet { descriptor: &own, blocks: own_features.blocks(), train: &own_train, validation: &own_validation },
@@ -151,6 +157,25 @@ fn the_ladder_rises_and_its_file_gives_the_same_rollouts() {
     assert!(error < 0.2 * alone, "{}", error / alone);
 }
 
+#[test]
+fn hardening_resonators_follow_flesh_that_hardens() {
+    let body = body();
+    let (train, validation) = (cases_on_springs(0..8, 400.0), cases_on_springs(8..12, 400.0));
+    let deltas: Vec<Frames> = train.iter().map(|c| c.deltas.clone()).collect();
+    let config = PcaConfig { components: 3, ..Default::default() };
+    let pca = Pca::fit(deltas.as_slice(), &config, &mut Draws::new(1, "pca", 0, 0), &Silent).unwrap();
+    let own = DescriptorConfig { modes: 1, cutoff_hz: 0.0, ..Default::default() };
+    let descriptor = Descriptor::new(&own, &body, Some(pca.basis.directions.data())).unwrap();
+    let [train, validation] = [&train, &validation].map(|cases| clips(cases, &pca.basis, &descriptor));
+    let score = SoftScore::new(&pca.basis, &body);
+    let ratio = |hardening: f32| {
+        let config = ReadoutConfig { hardening, ..Default::default() };
+        fit_readout(&config, descriptor.blocks(), 60.0, &train, &validation, &score).unwrap().score.ratio()
+    };
+    let (linear, hardening) = (ratio(0.0), ratio(0.3));
+    assert!(hardening < 0.8 * linear, "{hardening} with hardening, {linear} without");
+}
+
 /// The lightest person is left out: laws of mass that the other two obey foretell the third, a line through two
 /// people's weights does not.
 #[test]
@@ -180,6 +205,8 @@ fn settings_that_make_no_readout_are_refused() {
     for (wrong, says) in [
         (ReadoutConfig { shape_share: 0.0, ..Default::default() }, "shape_share"),
         (ReadoutConfig { frequency_by_mass: f32::NAN, ..Default::default() }, "frequency_by_mass"),
+        (ReadoutConfig { hardening: 1.5, ..Default::default() }, "hardening"),
+        (ReadoutConfig { hardening_seconds: f32::INFINITY, ..Default::default() }, "hardening_seconds"),
         (ReadoutConfig { own_strength: -1.0, ..Default::default() }, "own_strength"),
     ] {
         let fitted = fit_readout(&wrong, &blocks, 60.0, std::slice::from_ref(&clip), &[], &score);
