@@ -131,7 +131,7 @@ fn regressor(metrics: &Metrics, gates: &mut BTreeMap<String, Gate>) {
             Some(1.5),
         ),
     );
-    put("rest", Gate::new(&rest, "", of(|m| m.rest_ratio), None, Some(0.05)));
+    put("rest", Gate::new(&rest, "", of(|m| m.rest_ratio.filter(|_| m.diverged_clips.is_none())), None, Some(0.05)));
     let on_validation = |name: &str| metrics.validation_soft_ratio.get(name).copied();
     let share =
         on_validation(name).zip(on_validation(&without_gru(name))).map(|(whole, without)| 1.0 - whole / without);

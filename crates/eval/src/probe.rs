@@ -61,7 +61,10 @@ pub fn judge_stops(
             let p = rollout(*method, id, &probe.beta, &probe.motion, probe.motion.len(), body.vertex_count())?;
             let rest = rest_ratio(&p, &soft, probe.motion.fps, probe.stop_frame);
             let entry = metrics.methods.entry(method.name().to_owned()).or_default();
-            entry.rest_ratio = greater(entry.rest_ratio, rest.filter(|r| r.is_finite()));
+            match p.points().iter().all(|x| x.is_finite()) {
+                true => entry.rest_ratio = greater(entry.rest_ratio, rest),
+                false => entry.diverged_clips = Some(entry.diverged_clips.unwrap_or(0) + 1),
+            }
             predictions.insert(method.name().to_owned(), p);
         }
         if let Some(truth) = &probe.truth {

@@ -151,6 +151,10 @@ fn rest_and_free_decay_are_those_of_the_oscillator() {
     assert_eq!(metrics.rest_truth, exact.rest_ratio);
     assert_eq!(traces.len(), metrics.decays.len());
     assert_eq!(traces[0].curves["off"].len(), 230 - 103);
+    // Infinite long before the stop, finite in both seconds that rest is told from.
+    judge_stops(&mut metrics, &w.body, &[&Broken("diverges")], std::slice::from_ref(&probe), &Silent).unwrap();
+    let diverged = &metrics.methods["diverges"];
+    assert_eq!((diverged.diverged_clips, diverged.rest_ratio), (Some(1), None));
     let silent = softtissue_eval::BodyAlone { vertex_count: w.body.vertex_count() };
     judge_stops(&mut metrics, &w.body, &[&silent], &[probe], &Silent).unwrap();
     assert_eq!(metrics.methods["body"].decay_missing, Some(traces.len() as u32));

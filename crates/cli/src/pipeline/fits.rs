@@ -22,7 +22,12 @@ const PEOPLE: &str = "people.json";
 /// Where the fit of a split is kept.
 pub fn fit_place(config: &Config, scans: &Scans, body: &KeptBody, split: &Split, data_dir: &Path) -> Result<PathBuf> {
     let ids: Vec<&ClipId> = split.train.iter().chain(&split.validation).chain(&split.test).collect();
-    let name = fingerprint(&(made_of(scans, body), &config.fit, &split.train, ids))?;
+    let made_of = made_of(scans, body);
+    let name = match config.fit.solver {
+        Solver::LevenbergMarquardt => fingerprint(&(made_of, &config.fit, &split.train, ids))?,
+        // Its tensors' device has a part in the last digits.
+        Solver::Adam => fingerprint(&(made_of, &config.fit, &config.device, &split.train, ids))?,
+    };
     Ok(data_dir.join("cache").join(format!("fit-{name}")))
 }
 
