@@ -111,6 +111,8 @@ fn settings_that_cannot_work_are_refused() {
         softtissue(&[&["train", "--dry-run"], &sets[..]].concat()).refused(2, words);
     };
     refused(&["autoavatar.rollout.frames=9"], &["autoavatar.rollout.frames is 9", "1 to 8"]);
+    refused(&["autoavatar.network.observers=1"], &["autoavatar.network.observers is 1", "from 2"]);
+    refused(&["autoavatar.network.atlas=2", "autoavatar.network.channels=[4, 4]"], &["autoavatar.network.atlas is 2"]);
     refused(&["autoavatar.network.atlas=48"], &["autoavatar.network.atlas is 48", "power of two"]);
     refused(&[r#"autoavatar.networks=["pose", "pose"]"#], &["pose twice"]);
 }

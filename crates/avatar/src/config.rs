@@ -255,8 +255,9 @@ impl Default for AvatarConfig {
 
 impl NetworkConfig {
     pub(crate) fn check(&self) -> Result<()> {
+        // Where one is not seen the others stand in for it.
+        within("network.observers", self.observers, 2..=1_000_000)?;
         for (key, count, most) in [
-            ("observers", self.observers, 1_000_000),
             ("history", self.history, 16),
             ("compressed", self.compressed, 1024),
             ("latents", self.latents, 1024),
@@ -270,7 +271,8 @@ impl NetworkConfig {
         for &channels in &self.channels {
             within("network.channels", channels, 1..=4096)?;
         }
-        let finest = 1 << (self.channels.len() - 1);
+        // An atlas has four texels along a side, and the last level one.
+        let finest = (1 << (self.channels.len() - 1)).max(4);
         if !self.atlas.is_power_of_two() || self.atlas > 1024 || self.atlas < finest {
             return Err(AvatarError::Config(format!(
                 "autoavatar.network.atlas is {}; with {} levels it must be a power of two from {finest} to 1024",
