@@ -157,22 +157,26 @@ fn the_ladder_rises_and_its_file_gives_the_same_rollouts() {
     assert!(error < 0.2 * alone, "{}", error / alone);
 }
 
-#[test]
-fn hardening_resonators_follow_flesh_that_hardens() {
+/// Soft ratios on other cases of readouts that learn from the first.
+fn soft_ratios<const N: usize>(train: &[Case], validation: &[Case], configs: [ReadoutConfig; N]) -> [f64; N] {
     let body = body();
-    let (train, validation) = (cases_on_springs(0..8, 400.0), cases_on_springs(8..12, 400.0));
     let deltas: Vec<Frames> = train.iter().map(|c| c.deltas.clone()).collect();
     let config = PcaConfig { components: 3, ..Default::default() };
     let pca = Pca::fit(deltas.as_slice(), &config, &mut Draws::new(1, "pca", 0, 0), &Silent).unwrap();
     let own = DescriptorConfig { modes: 1, cutoff_hz: 0.0, ..Default::default() };
     let descriptor = Descriptor::new(&own, &body, Some(pca.basis.directions.data())).unwrap();
-    let [train, validation] = [&train, &validation].map(|cases| clips(cases, &pca.basis, &descriptor));
+    let [train, validation] = [train, validation].map(|cases| clips(cases, &pca.basis, &descriptor));
     let score = SoftScore::new(&pca.basis, &body);
-    let ratio = |hardening: f32| {
-        let config = ReadoutConfig { hardening, ..Default::default() };
+    configs.map(|config| {
         fit_readout(&config, descriptor.blocks(), 60.0, &train, &validation, &score).unwrap().score.ratio()
-    };
-    let (linear, hardening) = (ratio(0.0), ratio(0.3));
+    })
+}
+
+#[test]
+fn hardening_resonators_follow_flesh_that_hardens() {
+    let (train, validation) = (cases_on_springs(0..8, 400.0), cases_on_springs(8..12, 400.0));
+    let of = |hardening: f32| ReadoutConfig { hardening, ..Default::default() };
+    let [linear, hardening] = soft_ratios(&train, &validation, [of(0.0), of(0.3)]);
     assert!(hardening < 0.8 * linear, "{hardening} with hardening, {linear} without");
 }
 
@@ -180,20 +184,9 @@ fn hardening_resonators_follow_flesh_that_hardens() {
 /// people's weights does not.
 #[test]
 fn laws_of_mass_carry_over_to_a_person_left_out() {
-    let body = body();
     let (known, new): (Vec<Case>, Vec<Case>) = cases(0..8).into_iter().partition(|c| c.id.subject != "s2");
-    let deltas: Vec<Frames> = known.iter().map(|c| c.deltas.clone()).collect();
-    let config = PcaConfig { components: 3, ..Default::default() };
-    let pca = Pca::fit(deltas.as_slice(), &config, &mut Draws::new(1, "pca", 0, 0), &Silent).unwrap();
-    let own = DescriptorConfig { modes: 1, cutoff_hz: 0.0, ..Default::default() };
-    let descriptor = Descriptor::new(&own, &body, Some(pca.basis.directions.data())).unwrap();
-    let [train, validation] = [&known, &new].map(|cases| clips(cases, &pca.basis, &descriptor));
-    let score = SoftScore::new(&pca.basis, &body);
-    let ratio = |config: ReadoutConfig| {
-        fit_readout(&config, descriptor.blocks(), 60.0, &train, &validation, &score).unwrap().score.ratio()
-    };
     let lawless = ReadoutConfig { frequency_by_mass: 0.0, amplitude_by_mass: false, ..Default::default() };
-    let (with, without) = (ratio(ReadoutConfig::default()), ratio(lawless));
+    let [with, without] = soft_ratios(&known, &new, [ReadoutConfig::default(), lawless]);
     assert!(with < 0.7 && with < 0.5 * without, "{with} with, {without} without");
 }
 
