@@ -147,11 +147,11 @@ over_seeds() {
         /^  "/ { section = $1 }
         /^    "/ { entry = $1; gsub(/[":]/, "", entry) }
         /^        "/ { region = $1 }
-        section == "\"methods\":" && entry == "softtissue" && FILENAME ~ /softtissue/ {
+        section == "\"methods\":" && entry == "softtissue" && FILENAME ~ /held-out-softtissue/ {
             if (/^      "soft_ratio":/) add(entry, 1, $2 + 0)
             if (/^          "energy_ratio":/ && region == "\"soft\":") add(entry, 2, $2 + 0)
         }
-        section == "\"subspace\":" && FILENAME ~ /softsmpl/ {
+        section == "\"subspace\":" && FILENAME ~ /held-out-softsmpl/ {
             if (/"ae_mm":/) autoencoder = $2 + 0
             if (/"pca_mm":/ && !/scan/) { sizes[entry + 0]
                 add(entry, 1, $2 + 0); add(entry, 2, autoencoder); add(entry, 3, autoencoder / $2) }

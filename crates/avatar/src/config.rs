@@ -255,18 +255,18 @@ impl Default for AvatarConfig {
 
 impl NetworkConfig {
     pub(crate) fn check(&self) -> Result<()> {
-        // Where one is not seen the others stand in for it.
-        within("network.observers", self.observers, 2..=1_000_000)?;
-        for (key, count, most) in [
-            ("history", self.history, 16),
-            ("compressed", self.compressed, 1024),
-            ("latents", self.latents, 1024),
-            ("decoder", self.decoder, 4096),
-            ("neighbours", self.neighbours, 256),
-            ("frequencies", self.frequencies, 16),
-            ("channels", self.channels.len(), 10),
+        for (key, count, range) in [
+            // Where one is not seen the others stand in for it.
+            ("observers", self.observers, 2..=1_000_000),
+            ("history", self.history, 1..=16),
+            ("compressed", self.compressed, 1..=1024),
+            ("latents", self.latents, 1..=1024),
+            ("decoder", self.decoder, 1..=4096),
+            ("neighbours", self.neighbours, 1..=256),
+            ("frequencies", self.frequencies, 1..=16),
+            ("channels", self.channels.len(), 1..=10),
         ] {
-            within(&format!("network.{key}"), count, 1..=most)?;
+            within(&format!("network.{key}"), count, range)?;
         }
         for &channels in &self.channels {
             within("network.channels", channels, 1..=4096)?;

@@ -23,19 +23,21 @@ pub struct Hardening {
     pub exponent: f32,
     /// Time constant of the drive's mean square, seconds.
     pub seconds: f32,
-    /// Mean square below which less drive changes nothing more; the inputs' own is about one.
+    /// Mean square below which less drive changes little; the inputs' own is about one.
     pub floor: f32,
 }
 
 /// A bank of damped resonators run on each of the first `channels` inputs, a memory that is stable by construction: poles
-/// stay within the unit circle, with [`Hardening`] too, whatever drives them. With undamped angular frequency `w`, damping ratio `d` and `dt = 1 / fps` the pole of a resonator
-/// is `p = exp((-d + i sqrt(1 - d^2)) w dt)`, and its complex state obeys
+/// stay within the unit circle, with [`Hardening`] too, whatever drives them. With undamped angular frequency `w`, damping
+/// ratio `d` and `dt = 1 / fps` the pole of a resonator is `p = exp((-d + i sqrt(1 - d^2)) w dt)`, and its complex state
+/// obeys
 ///
 /// ```text
 /// s_t = p s_{t-1} + (1 - p) u_t
 /// ```
 ///
-/// so that a constant input comes out unchanged (unit gain at rest; divided by `h` of a hardening bank). Outputs are `Re s_t` and `Im s_t`.
+/// so that a constant input comes out unchanged (unit gain at rest; divided by `h` of a hardening bank). Outputs are
+/// `Re s_t` and `Im s_t`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ResonatorBank {
     poles: Vec<[f32; 2]>,
@@ -96,7 +98,7 @@ impl ResonatorBank {
     pub fn outputs(&self) -> usize {
         2 * self.poles.len() * self.channels
     }
-    /// How many times harder than its nominal drive a bank's springs can make it: frequencies end below half the frame rate.
+    /// Largest factor by which a hardening bank raises a pole's frequency, which ends below half the frame rate.
     pub fn hardest(&self, pole: usize) -> f32 {
         (HIGHEST_FREQUENCY * self.fps / self.resonators[pole].frequency).max(1.0)
     }
