@@ -97,9 +97,27 @@ fn one_person_is_learned_from_raw_scans_judged_and_animated() {
     let last = std::fs::read_to_string(surfaces.join("frame_00004.obj")).expect("a surface");
     assert!(last.contains("\nvn ") && last.matches("\nv ").count() > 100);
     softtissue(&[&play[..], &[&text(&home.join("a.glb"))]].concat()).fine();
+    let glb = std::fs::read(home.join("a.glb")).expect("a file");
+    assert!(glb.windows(8).any(|w| w == b"\"NORMAL\""), "normals of every frame");
     softtissue(&[&play[..], &[&text(&home.join("b.glb")), "--shape", "0,1"]].concat()).refused(2, &["--shape"]);
     softtissue(&["export", &text(&avatar), "--onnx", &text(&home.join("x.onnx"))])
         .refused(3, &["AutoAvatar", "real-time"]);
+
+    // of the interpolation motion the first half was learned; what says otherwise is not judged by it
+    assert_eq!(figures["interpolation"]["pose"]["rollout"]["rollouts"], 1);
+    let manifest = avatar.join("manifest.json");
+    let kept = std::fs::read_to_string(&manifest).expect("a manifest");
+    let judged = |key: &str, value: Value| {
+        let mut changed: Value = serde_json::from_str(&kept).expect("JSON");
+        changed["info"]["provenance"][key] = value;
+        std::fs::write(&manifest, changed.to_string()).expect("the disk");
+        softtissue(&["eval", &text(&out), "--quiet"])
+    };
+    judged("first_half_of", serde_json::json!([])).refused(3, &["has seen the second half of s00/punching.0"]);
+    judged("selected_on", serde_json::json!(["s00/one_leg_jump.0"])).refused(3, &["has seen s00/one_leg_jump.0"]);
+    judged("scans", serde_json::json!({"fingerprint": "0"})).refused(3, &["was learned from other scans"]);
+    std::fs::write(&manifest, kept).expect("the disk");
+
     std::fs::write(avatar.join("pose.safetensors"), b"damaged").expect("the disk");
     softtissue(&[&play[..], &[&text(&surfaces)]].concat()).refused(3, &["pose.safetensors", "hash"]);
 }
@@ -115,6 +133,20 @@ fn settings_that_cannot_work_are_refused() {
     refused(&["autoavatar.network.atlas=2", "autoavatar.network.channels=[4, 4]"], &["autoavatar.network.atlas is 2"]);
     refused(&["autoavatar.network.atlas=48"], &["autoavatar.network.atlas is 48", "power of two"]);
     refused(&[r#"autoavatar.networks=["pose", "pose"]"#], &["pose twice"]);
+}
+
+/// A split that leaves out other people says nothing of the one who is learned.
+#[test]
+fn a_person_of_whom_no_clip_is_left_out_is_not_judged() {
+    let home = folder("autoavatar-seen");
+    let mut train = train(&home.join("run"));
+    for set in ["synth.bmi=[29.0,20.0]", "split.test_motions=[]", "autoavatar.interpolation=[]"] {
+        train.args(["--set", set]);
+    }
+    train.args(["--set", r#"split.test_subjects=["s01"]"#]);
+    let said = Said::of(&train.output().expect("the command starts"));
+    said.refused(2, &["no clip of s00 is left out to judge by", "--no-eval"]);
+    assert!(!home.join("run/avatar").exists());
 }
 
 /// Everything of the script on the smallest job: four runs, one judgement, one page.
@@ -158,6 +190,9 @@ fn the_evidence_script_writes_the_papers_tables_and_says_what_is_missing() {
     let mm = |row: &str| figures["extrapolation"][row]["rollout"]["distance_mm"]["1"].as_f64().expect("a distance");
     // registered, with the person's template: nearer than a field after a few steps
     assert!(mm("softsmpl") < mm("pose") && mm("body") < mm("pose"), "{figures}");
+    // nothing shakes on the body alone: what loses or finds a surface there is no motion
+    let energy = |row: &str| figures["extrapolation"][row]["rollout"]["height_energy"].as_f64().expect("an energy");
+    assert!(energy("body") < 0.05 && energy("autoregressive") > 0.2, "{figures}");
     assert!(mm("rough/pose") != mm("pose") && mm("closest-point/pose") != mm("pose"), "{figures}");
 
     run(&["--check"]).fine();

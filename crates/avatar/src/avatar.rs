@@ -137,9 +137,25 @@ impl AvatarBody {
         Queries::new(points, &near.indices, observers, self.config.encoding(), gradients, device)
     }
 
-    /// Dynamic features and offsets, `[M, latents + 1]`.
-    pub(crate) fn features(&self, network: &AvatarNetwork, input: &FrameInput) -> Tensor<2> {
-        network.features(input, &self.ground)
+    /// Dynamic features and offsets, `[M, latents + 1]`, of a rollout's next frame. Those of face, hands and feet stay the
+    /// first frame's (sec. 3.4), which `first` keeps from there on, without a gradient.
+    pub(crate) fn features(
+        &self,
+        network: &AvatarNetwork,
+        input: &FrameInput,
+        first: &mut Option<Tensor<2>>,
+    ) -> Tensor<2> {
+        let features = network.features(input, &self.ground);
+        if !self.config.frozen {
+            return features;
+        }
+        match first {
+            Some(first) => features.clone() - features * self.frozen.clone() + first.clone(),
+            None => {
+                *first = Some((features.clone() * self.frozen.clone()).detach());
+                features
+            }
+        }
     }
 }
 
@@ -211,7 +227,7 @@ pub struct Playback<'a> {
     conditioning: Conditioning,
     /// Of the last frames, the newest last.
     heights: VecDeque<Vec<f32>>,
-    /// Features of face, hands and feet (sec. 3.4: held at the first frame's).
+    /// Features of face, hands and feet in the first frame.
     first: Option<Tensor<2>>,
 }
 
@@ -244,11 +260,7 @@ impl<'a> Playback<'a> {
     pub fn step<'b>(&'b mut self, track: &PoseTrack, t: usize, observers: &'b ObserverFrame) -> AvatarField<'b> {
         let heights: Vec<&[f32]> = self.heights.iter().map(Vec::as_slice).collect();
         let input = self.body.input(self.conditioning, track, t, &heights);
-        let mut features = self.body.features(self.network, &input);
-        if self.body.config.frozen {
-            let first = self.first.get_or_insert_with(|| features.clone() * self.body.frozen.clone()).clone();
-            features = features.clone() - features * self.body.frozen.clone() + first;
-        }
+        let features = self.body.features(self.network, &input, &mut self.first);
         let field = AvatarField::new(self.body, self.network, features, observers);
         if self.conditioning.sees_heights() {
             self.heights.push_back(field.heights().to_vec());
@@ -257,5 +269,44 @@ impl<'a> Playback<'a> {
             }
         }
         field
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::checks::{ball, breathing, shaken};
+    use softtissue_random::Draws;
+
+    /// Observers of the ball that stand for a face.
+    const STILL: usize = 20;
+
+    /// Dynamic features of a rollout's first frame and of a later one.
+    fn first_and_later(frozen: bool) -> [Vec<f32>; 2] {
+        let device = Device::flex();
+        let mut body = ball(&device);
+        body.config.frozen = frozen;
+        body.still[..STILL].fill(true);
+        let column = body.still.iter().map(|still| if *still { 1.0 } else { 0.0 }).collect();
+        body.frozen = tensor(column, [body.still.len(), 1], &device);
+        let conditioning = Conditioning::Autoregressive;
+        let mut draws = Draws::new(1, "network", 0, 0);
+        let network = AvatarNetwork::new(&body.config, conditioning, 3, 64, &mut draws, &device);
+        let network = shaken(network, 0.1, 3);
+        let clip = breathing(9, 0.0);
+        let mut play = Playback::new(&body, &network, conditioning, clip.history(3, 3)).expect("a history");
+        let features: Vec<Vec<f32>> =
+            (3..9).map(|t| host(play.step(&clip.track, t, &clip.observers[t]).features)).collect();
+        [features[0].clone(), features[5].clone()]
+    }
+
+    #[test]
+    fn face_hands_and_feet_keep_the_first_frames_features() {
+        for frozen in [true, false] {
+            let [first, later] = first_and_later(frozen);
+            let of_still = STILL * first.len() / 64;
+            assert_eq!(first[..of_still] == later[..of_still], frozen);
+            assert!(first[of_still..].iter().zip(&later[of_still..]).any(|(a, b)| (a - b).abs() > 1e-4));
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Backends held against flex: the steps of a tiny avatar.
 
-use crate::AvatarConfig;
-use crate::checks::{ball, trainee};
+use crate::checks::{ball, short, trainee};
+use crate::{AvatarConfig, Conditioning};
 use burn::tensor::Device;
 use softtissue_train::Trainee;
 use std::sync::Arc;
@@ -9,7 +9,8 @@ use std::sync::Arc;
 /// Losses and their terms of six steps of short rollouts, then the validation.
 fn six_steps(device: &Device) -> Vec<f64> {
     let [_, rollout] = AvatarConfig::default().stages();
-    let mut trainee = trainee(&Arc::new(ball(device)), rollout, 6, None, device);
+    let body = Arc::new(ball(device));
+    let mut trainee = trainee(&body, Conditioning::Autoregressive, &short(rollout, 6), None, device);
     let mut record = Vec::new();
     for step in 0..6 {
         let stats = trainee.step(step).expect("a step");

@@ -118,21 +118,23 @@ pub fn breathing(frames: usize, phase: f32) -> AvatarClip {
     }
 }
 
-/// A trainee of one stage on half a second of breathing, with few points a frame and a learning rate for few steps; it begins
-/// with `network`, or with an untrained one.
+/// A stage with few points a frame and a learning rate for few steps.
+pub fn short(whole: StageConfig, steps: u64) -> StageConfig {
+    let sampling = SampleConfig { surface: 60, near: 40, within: 20, ..whole.sampling };
+    StageConfig { steps, learning_rate: 3e-3, sampling, ..whole }
+}
+
+/// A trainee of one stage on half a second of breathing; it begins with `network`, or with an untrained one.
 pub fn trainee(
     body: &Arc<AvatarBody>,
-    whole: StageConfig,
-    steps: u64,
+    conditioning: Conditioning,
+    config: &StageConfig,
     network: Option<AvatarNetwork>,
     device: &Device,
 ) -> AvatarTrainee {
-    let sampling = SampleConfig { surface: 60, near: 40, within: 20, ..whole.sampling };
-    let config = StageConfig { steps, learning_rate: 3e-3, sampling, ..whole };
     let clips = Arc::new(Clips { train: vec![breathing(30, 0.0)], validation: vec![breathing(30, 1.7)] });
     let stage = Stage { name: "autoavatar/test".into(), seed: 1, device: device.clone() };
-    let conditioning = Conditioning::Autoregressive;
     let network = network.unwrap_or_else(|| AvatarTrainee::untrained(body, conditioning, &stage));
-    AvatarTrainee::new(&config, &LossWeights::default(), conditioning, stage, Arc::clone(body), network, clips)
+    AvatarTrainee::new(config, &LossWeights::default(), conditioning, stage, Arc::clone(body), network, clips)
         .expect("clips that are long enough")
 }

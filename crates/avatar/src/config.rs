@@ -75,7 +75,8 @@ pub struct NetworkConfig {
     /// Distances below this are rounded off, metres: at a vertex the cosine has no derivative. Default 0.005; the paper
     /// does not say.
     pub softening: f32,
-    /// Dynamic features of face, hands and feet are held at the first frame's when playing. Default true, as published.
+    /// Dynamic features of face, hands and feet are held at the first frame's of a rollout, when
+    /// learning and when playing. Default true, as published.
     pub frozen: bool,
 }
 

@@ -266,7 +266,7 @@ mod tests {
             let points: Vec<glam::Vec3> = crate::checks::directions(10).iter().map(|d| 0.23 * *d).collect();
             let queries = body.queries(&points, &tree, &clip.observers[0], true, &device);
             let loss = |network: &AvatarNetwork| {
-                let field = network.field(body.features(network, &input), &queries);
+                let field = network.field(body.features(network, &input, &mut None), &queries);
                 // in centimetres, in which offsets are
                 let distance = field.distance.mul_scalar(CENTIMETRES);
                 distance.square().mean() + field.gradient.expect("asked for").square().mean()

@@ -88,8 +88,8 @@ impl PredictedSurface for Drawn<'_> {
         Ok(Cow::Owned(cubes.mesh_near(&self.field, points, REACH)?))
     }
 
-    fn predicted_heights(&self) -> Option<&[f32]> {
-        Some(self.field.heights())
+    fn heights(&self) -> &[f32] {
+        self.field.heights()
     }
 }
 
@@ -107,10 +107,7 @@ impl SurfacePredictor for AvatarPredictor<'_> {
         if self.monitor.should_stop() {
             return Err(AvatarError::Stopped);
         }
-        if self.playback.is_none() {
-            self.restart(t)?;
-        }
-        let playback = self.playback.as_mut().expect("it was started");
+        let playback = self.playback.as_mut().expect("a rollout is started before it predicts");
         let field = playback.step(&self.clip.track, t, &self.clip.observers[t]);
         Ok(Box::new(Drawn { field, grid: self.candidate.grid }))
     }
@@ -136,7 +133,7 @@ impl AvatarClip {
 mod tests {
     use super::*;
     use crate::AvatarConfig;
-    use crate::checks::{ball, breathing, trainee};
+    use crate::checks::{ball, breathing, short, trainee};
     use burn::module::Module;
     use burn::tensor::Device;
     use softtissue_clips::{ClipId, MotionClip};
@@ -150,7 +147,8 @@ mod tests {
     fn learned(body: &Arc<AvatarBody>, steps: [u64; 2]) -> AvatarNetwork {
         let mut network = None;
         for (whole, steps) in AvatarConfig::default().stages().into_iter().zip(steps) {
-            let mut trainee = trainee(body, whole, steps, network.take(), &Device::flex());
+            let config = short(whole, steps);
+            let mut trainee = trainee(body, Conditioning::Autoregressive, &config, network.take(), &Device::flex());
             (0..steps).for_each(|step| drop(trainee.step(step).expect("a step")));
             network = Some(trainee.into_network());
         }
@@ -191,8 +189,7 @@ mod tests {
 
         let judged: Vec<usize> = (0..64).collect();
         let truth = clip.truth(history, &judged);
-        let free = FreeRollout::of(&mut candidate.on(&clip, &Silent), &truth, &RolloutConfig::default(), false)
-            .expect("a rollout");
+        let free = FreeRollout::of(&mut candidate.on(&clip, &Silent), &truth, false).expect("a rollout");
         let squares = |h: &Vec<f32>| h.iter().map(|h| (h - 0.015).powi(2)).sum::<f32>();
         for (heights, rms) in free.heights.iter().zip(&rms) {
             assert!(((squares(heights) / 64.0).sqrt() - rms).abs() < 1e-6);

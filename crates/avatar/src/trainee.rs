@@ -91,11 +91,9 @@ impl AvatarTrainee {
         AvatarNetwork::new(&body.config, conditioning, body.joints, body.observers.len(), &mut draws, &device)
     }
 
-    /// The loss of one predicted frame, and its dynamic features.
-    fn frame(&self, clip: &AvatarClip, t: usize, heights: &[&[f32]], draws: &mut Draws) -> (FieldLoss, Tensor<2>) {
+    /// The loss of one frame that was predicted by dynamic features.
+    fn frame(&self, clip: &AvatarClip, t: usize, features: Tensor<2>, draws: &mut Draws) -> FieldLoss {
         let device = &self.stage.device;
-        let input = self.body.input(self.conditioning, &clip.track, t, heights);
-        let features = self.body.features(&self.network, &input);
         let scan = clip.scans[t].as_ref().expect("rollouts begin where all scans are there");
         let Samples { mut surface, normals, near, within } = Samples::draw(scan, &self.config.sampling, draws);
         let shape = BatchShape { surface: surface.len(), near: near.len(), within: within.len() };
@@ -106,8 +104,7 @@ impl AvatarTrainee {
         let queries = self.body.queries(&surface, &tree, observers, true, device);
         let normals = normals.iter().flat_map(|n| n.to_array()).collect();
         let normals = tensor(normals, [shape.surface, 3], device);
-        let field = self.network.field(features.clone(), &queries);
-        (field_loss(field, shape, normals, &self.loss), features)
+        field_loss(self.network.field(features, &queries), shape, normals, &self.loss)
     }
 }
 
@@ -152,11 +149,13 @@ impl Trainee for AvatarTrainee {
         let mut heights: Vec<Vec<f32>> = clip.history(start, history).to_vec();
         let mut gradients = GradientMap::new();
         let mut terms = [("surface_mm", 0.0), ("normal", 0.0), ("eikonal", 0.0), ("off_surface", 0.0)];
-        let mut total = 0.0;
+        let (mut total, mut first) = (0.0, None);
         let frames = self.config.frames;
         for t in start..start + frames {
             let seen: Vec<&[f32]> = heights[heights.len() - history..].iter().map(Vec::as_slice).collect();
-            let (loss, features) = self.frame(clip, t, &seen, &mut draws);
+            let input = self.body.input(self.conditioning, &clip.track, t, &seen);
+            let features = self.body.features(&self.network, &input, &mut first);
+            let loss = self.frame(clip, t, features.clone(), &mut draws);
             total += number(&loss.total) / frames as f64;
             let parts = [&loss.surface, &loss.normal, &loss.eikonal, &loss.off_surface];
             for ((term, part), scale) in terms.iter_mut().zip(parts).zip([1000.0, 1.0, 1.0, 1.0]) {
@@ -214,23 +213,17 @@ impl Trainee for AvatarTrainee {
 mod tests {
     use super::*;
     use crate::AvatarConfig;
-    use crate::checks::{ball, breathing};
+    use crate::checks::{self, ball, breathing, short};
     use burn::tensor::Device;
 
     fn stage(frames: usize, steps: u64) -> StageConfig {
         let [_, rollout] = AvatarConfig::default().stages();
-        let sampling = softtissue_implicit::SampleConfig { surface: 60, near: 40, within: 20, ..rollout.sampling };
-        StageConfig { frames, steps, learning_rate: 3e-3, sampling, ..rollout }
+        StageConfig { frames, ..short(rollout, steps) }
     }
 
     fn trainee(conditioning: Conditioning, config: &StageConfig) -> AvatarTrainee {
         let device = Device::flex();
-        let body = Arc::new(ball(&device));
-        let clips = Clips { train: vec![breathing(30, 0.0)], validation: vec![breathing(30, 1.7)] };
-        let stage = Stage { name: "autoavatar/test".into(), seed: 1, device };
-        let network = AvatarTrainee::untrained(&body, conditioning, &stage);
-        AvatarTrainee::new(config, &LossWeights::default(), conditioning, stage, body, network, Arc::new(clips))
-            .expect("clips that are long enough")
+        checks::trainee(&Arc::new(ball(&device)), conditioning, config, None, &device)
     }
 
     fn snapshot(trainee: &AvatarTrainee) -> State {
@@ -262,16 +255,35 @@ mod tests {
         assert!(pose > 4.0 && autoregressive < 0.6 * pose, "{autoregressive} {pose}");
     }
 
-    #[test]
-    fn too_short_clips_are_refused() {
+    /// A stage of the method on one clip.
+    fn on(clip: AvatarClip, config: &StageConfig) -> Result<AvatarTrainee, TrainError> {
         let device = Device::flex();
         let body = Arc::new(ball(&device));
-        let clips = Arc::new(Clips { train: vec![breathing(4, 0.0)], validation: vec![breathing(30, 0.0)] });
-        let stage_of = Stage { name: "autoavatar/test".into(), seed: 1, device };
-        let network = AvatarTrainee::untrained(&body, Conditioning::Pose, &stage_of);
-        let config = stage(2, 1);
-        let made =
-            AvatarTrainee::new(&config, &LossWeights::default(), Conditioning::Pose, stage_of, body, network, clips);
-        assert!(made.err().is_some_and(|e| e.to_string().contains("scans on end")));
+        let clips = Arc::new(Clips { train: vec![clip], validation: vec![breathing(30, 0.0)] });
+        let stage = Stage { name: "autoavatar/test".into(), seed: 1, device };
+        let conditioning = Conditioning::Autoregressive;
+        let network = AvatarTrainee::untrained(&body, conditioning, &stage);
+        AvatarTrainee::new(config, &LossWeights::default(), conditioning, stage, body, network, clips)
+    }
+
+    #[test]
+    fn too_short_clips_are_refused() {
+        assert!(on(breathing(4, 0.0), &stage(2, 1)).err().is_some_and(|e| e.to_string().contains("scans on end")));
+    }
+
+    /// Of a clip whose second half is judged by, training sees nothing from there on.
+    #[test]
+    fn what_lies_behind_a_part_is_not_seen() {
+        let mut clip = breathing(10, 0.0);
+        clip.frames = 0..5;
+        clip.scans[5..].fill(None);
+        clip.heights[3..].iter_mut().for_each(|heights| heights.fill(f32::NAN));
+        let mut trainee = on(clip, &stage(2, 3)).expect("one rollout of two frames");
+        assert_eq!(trainee.starts, [(0, 3)]);
+        for step in 0..3 {
+            assert!(trainee.step(step).expect("a step").loss.is_finite());
+        }
+        let state = snapshot(&trainee);
+        assert!(state.values().all(|array| array.data.iter().all(|x| x.is_finite())));
     }
 }

@@ -20,7 +20,6 @@ const INSIDE: f32 = 1e-8;
 /// its place a vertex takes those of its own chart, so that charts that lie close together do not mix.
 #[derive(Clone, Debug)]
 pub struct Atlas {
-    size: usize,
     covered: Vec<bool>,
     texels_from_vertices: Interpolation,
     vertices_from_texels: Interpolation,
@@ -66,13 +65,9 @@ impl Atlas {
             None => vec![(0, 1.0)],
         });
         let vertices_from_texels = Interpolation::from_rows(size * size, rows.collect());
-        Ok(Self { size, covered, texels_from_vertices, vertices_from_texels })
+        Ok(Self { covered, texels_from_vertices, vertices_from_texels })
     }
 
-    /// Texels a side.
-    pub fn size(&self) -> usize {
-        self.size
-    }
     /// Which texels have their centre in a triangle, `[size * size]`.
     pub fn covered(&self) -> &[bool] {
         &self.covered

@@ -120,7 +120,9 @@ impl RawSurface {
         let (positions, normals) = (&observers.positions, &observers.normals);
         let values = heights(self, positions, normals, config);
         let met: Vec<Vec3> = (0..values.len()).map(|i| positions[i] + normals[i] * values[i]).collect();
-        let known = self.supports(&met, normals);
+        let mut known = self.supports(&met, normals);
+        // where nothing was met the lowest place may lie on the scan by chance: skin about to touch skin
+        known.iter_mut().zip(&values).for_each(|(known, height)| *known &= *height > config.lowest);
         ScanHeights { values, known }
     }
 
@@ -245,6 +247,30 @@ mod tests {
             let bridge = RADIUS / 0.5f32.cos() - RADIUS;
             assert!((-0.001..bridge + 0.001).contains(&(h - 0.012)), "{h} at {from_middle} rad");
         }
+    }
+
+    /// Between two sheets of skin about to touch no sample of an observer's line falls: it meets nothing, though its lowest
+    /// place happens to lie beside a sheet that faces as the observer does.
+    #[test]
+    fn a_height_that_was_not_met_is_not_known() {
+        let config = HeightConfig::default();
+        let side = |i: usize| 0.002 * (i as f32 - 20.0);
+        let sheet = |y: f32, normal: Vec3| {
+            (0..41 * 41).map(move |i| (Vec3::new(side(i % 41), y, side(i / 41)), normal)).collect::<Vec<_>>()
+        };
+        let heights = |sheets: &[Vec<(Vec3, Vec3)>], lowest: f32| {
+            let (points, normals) = sheets.concat().into_iter().unzip();
+            let surface = RawSurface::new(&RawFrame { points, normals }, &RawSurfaceConfig::default()).unwrap();
+            let positions = vec![Vec3::Y * (lowest - config.lowest)];
+            surface.heights(&ObserverFrame { positions, normals: vec![Vec3::Y] }, &config)
+        };
+        let (own, other) = (sheet(0.0, Vec3::Y), sheet(0.004, -Vec3::Y));
+        for lowest in [-0.0005, 0.0005] {
+            let found = heights(&[own.clone(), other.clone()], lowest);
+            assert_eq!((found.values[0], found.known[0]), (config.lowest, false), "{lowest}");
+        }
+        let found = heights(&[own], -0.0005);
+        assert!((found.values[0] - config.lowest - 0.0005).abs() < 1e-4 && found.known[0], "{:?}", found.values);
     }
 
     #[test]

@@ -48,6 +48,10 @@ pub fn train(
     as_json: bool,
 ) -> Result<()> {
     let raw = open_raw(context.config, &job.scans, data)?;
+    if judged {
+        let scene = AvatarScene::of(context, job, &raw);
+        scene.judged(&scene.subject()?)?;
+    }
     let model = train_avatar(context, job, &raw)?;
     if judged {
         let rivals = Rivals { avatars: &[(String::new(), model)], bundles: &[] };

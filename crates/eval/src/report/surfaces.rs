@@ -87,6 +87,7 @@ pub fn tables(metrics: &SurfaceMetrics) -> String {
         }
         parts.push(table.finish());
     }
+    parts.extend(lost(metrics).map(|sentence| sentence + "\n"));
     let shown: Vec<_> = MOTION.iter().filter(|(_, of)| rows.iter().any(|r| of(metrics, r).is_some())).collect();
     let mut heads = vec!["method"];
     heads.extend(shown.iter().map(|(name, _)| *name));
@@ -100,6 +101,18 @@ pub fn tables(metrics: &SurfaceMetrics) -> String {
     parts.into_iter().filter(|p| !p.is_empty()).collect::<Vec<_>>().join("\n")
 }
 
+/// Which rows had predictions without a surface, if any had.
+fn lost(metrics: &SurfaceMetrics) -> Option<String> {
+    let mut rows = Vec::new();
+    for (set, figures) in metrics.sets() {
+        let of_set = figures.iter().filter(|(_, f)| f.rollout.lost > 0);
+        rows.extend(of_set.map(|(name, f)| format!("{name} {} of the {set} set", f.rollout.lost)));
+    }
+    let frames = rows.join(", ");
+    (!rows.is_empty())
+        .then(|| format!("Frames whose predicted surface was nowhere, so that no distance has them: {frames}."))
+}
+
 /// Frames of rollout that have a figure.
 fn lengths(metrics: &SurfaceMetrics, figure: Figure) -> Vec<usize> {
     let rows: Vec<&SurfaceFigures> = metrics.sets().flat_map(|(_, rows)| rows.values()).collect();
@@ -111,13 +124,13 @@ fn lengths(metrics: &SurfaceMetrics, figure: Figure) -> Vec<usize> {
 fn clip_means(metrics: &SurfaceMetrics) -> Option<String> {
     let curves = metrics.over_time.as_ref()?;
     let title = format!("{} in one rollout from frame {} on, mean over frames (fig. 7)", curves.clip, curves.start);
-    let mut table = Table::new(&title, &["method", DISTANCE, "ms a frame"]);
+    let mut table = Table::new(&title, &["method", DISTANCE, "frames", "ms a frame"]);
     for name in metrics.rows() {
         let Some(curve) = curves.distance_mm.get(name) else { continue };
         let measured: Vec<f64> = curve.iter().flatten().copied().collect();
         let mean = measured.iter().sum::<f64>() / measured.len().max(1) as f64;
         let time = curves.frame_ms.get(name).map(|ms| format!("{ms:.1}"));
-        table.row(name, [(!measured.is_empty()).then(|| format!("{mean:.3}")), time]);
+        table.row(name, [(!measured.is_empty()).then(|| format!("{mean:.3}")), Some(measured.len().to_string()), time]);
     }
     Some(table.finish())
 }
@@ -177,6 +190,9 @@ fn html(report: &SurfaceReport) -> Result<String> {
         for (set, figures) in m.sets() {
             let _ = write!(body, "<h3>{name}, {set} set</h3>{}", rollout_table(m, figures, figure, digits));
         }
+    }
+    if let Some(sentence) = lost(m) {
+        let _ = write!(body, "<p>{}</p>", escape(&sentence));
     }
     if !data.time.is_empty() {
         body += "<h3>One rollout through a whole clip</h3><div class=\"chart pick\" id=\"chart-time\"></div>";
@@ -296,6 +312,7 @@ mod tests {
                 volume_change: [(16, 0.01 * mm)].into(),
                 height_energy: Some(0.5),
                 rollouts: 3,
+                lost: u32::from(mm == 3.5),
             },
             spectral_db: db,
         };
@@ -334,7 +351,8 @@ mod tests {
         assert_eq!(pose[1], ["pose", "3.500", "7.000"], "{text}");
         assert_eq!(pose[2], ["pose", "0.02500"], "{text}");
         assert_eq!(pose[4], ["pose", "0.50", "0.50", "7.25", "-", "-", "-"], "{text}");
-        assert_eq!(pose[5], ["pose", "1.500", "5.2"], "{text}");
+        assert_eq!(pose[5], ["pose", "1.500", "2", "5.2"], "{text}");
+        assert!(text.contains("no distance has them: pose 1 of the extrapolation set.\n"), "{text}");
         let own = cells(&text, "autoregressive");
         assert_eq!(own[2], ["autoregressive", "-", "0.50", "7.25", "1.10", "0.90", "20.00"], "{text}");
         let order = |row: &str| text.lines().position(|l| l.starts_with(row)).expect(row);
@@ -357,7 +375,7 @@ mod tests {
         assert!(!page.contains("<run>") && !page.contains("<hop>"));
         assert!(page.contains("standing still") && page.contains("<td class=\"best\">1.250</td>"), "least is bold");
         assert!(page.contains("id=\"chart-rollouts\"") && page.contains("id=\"chart-time\""));
-        assert!(!page.contains("id=\"chart-training\""));
+        assert!(!page.contains("id=\"chart-training\"") && page.contains("pose 1 of the extrapolation set.</p>"));
         assert_eq!(page.matches("Mean squared error of volume change, ").count(), 4, "a table and a chart a set");
     }
 }

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Version of the form.
-pub const SURFACE_SCHEMA: u32 = 2;
+const SURFACE_SCHEMA: u32 = 2;
 /// The row of standing still: the last true heights, kept.
 pub const STILL: &str = "standing-still";
 /// What the form says of itself.
@@ -54,7 +54,7 @@ pub struct SurfaceCurves {
     pub start: usize,
     /// Mean distance of scan points from the prediction, mm, by row of the table; absent where there is no scan.
     pub distance_mm: BTreeMap<String, Vec<Option<f64>>>,
-    /// Wall-clock milliseconds of a frame: a prediction, its heights, its surface drawn on the grid and measured.
+    /// Wall-clock milliseconds of a frame of a network: a prediction, its heights, its surface drawn on the grid and measured.
     pub frame_ms: BTreeMap<String, f64>,
 }
 

@@ -6,5 +6,5 @@ mod metrics;
 mod view;
 
 pub use heights::{HeightTrace, cycle_figures};
-pub use metrics::{CycleFigures, STILL, SURFACE_SCHEMA, SurfaceCurves, SurfaceFigures, SurfaceMetrics};
+pub use metrics::{CycleFigures, STILL, SurfaceCurves, SurfaceFigures, SurfaceMetrics};
 pub use view::{HeightLayer, HeightView};

@@ -1,5 +1,5 @@
-use super::{RolloutClip, RolloutConfig, SurfacePredictor};
-use crate::{heights, mean_distance};
+use super::{RolloutClip, SurfacePredictor};
+use crate::mean_distance;
 
 /// A rollout that is never started again: through all frames of a clip that may be judged, as methods of registered meshes
 /// are rolled out.
@@ -20,12 +20,7 @@ impl FreeRollout {
     ///
     /// # Errors
     /// The predictor's.
-    pub fn of<P: SurfacePredictor>(
-        predictor: &mut P,
-        clip: &RolloutClip,
-        config: &RolloutConfig,
-        distances: bool,
-    ) -> Result<Self, P::Error> {
+    pub fn of<P: SurfacePredictor>(predictor: &mut P, clip: &RolloutClip, distances: bool) -> Result<Self, P::Error> {
         let start = clip.frames.start.max(clip.history).max(1);
         let mut free = Self { start, ..Self::default() };
         if start >= clip.frames.end {
@@ -34,14 +29,10 @@ impl FreeRollout {
         predictor.restart(start)?;
         for t in start..clip.frames.end {
             let surface = predictor.predict(t)?;
-            let at = &clip.observers[t];
-            free.heights.push(match surface.predicted_heights() {
-                Some(own) => own.to_vec(),
-                None => heights(surface.as_ref(), &at.positions, &at.normals, &config.heights),
-            });
+            free.heights.push(surface.heights().to_vec());
             if distances {
-                let scan = clip.scans[t].as_ref();
-                let distance = scan.map(|s| Ok(mean_distance(s.points(), surface.mesh(&at.positions)?.as_ref())));
+                let (scan, at) = (clip.scans[t].as_ref(), &clip.observers[t].positions);
+                let distance = scan.map(|s| Ok(mean_distance(s.points(), surface.mesh(at)?.as_ref())));
                 free.distance_mm.push(distance.transpose()?.flatten().map(|m| 1000.0 * m));
             }
         }

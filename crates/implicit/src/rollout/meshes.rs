@@ -10,9 +10,9 @@ use std::sync::Arc;
 pub struct MeshFrame {
     /// The mesh, metres.
     pub mesh: Mesh,
-    /// The heights over all observers, `[N]`, metres, that it was drawn from; none where they are read off the mesh. Read off
-    /// again they would not all be the same: where the body touches itself another part is met first.
-    pub heights: Option<Vec<f32>>,
+    /// Its heights over all observers, `[N]`, metres, closed where it is not met. Of a mesh that was drawn from heights these:
+    /// read off it again they would not all be the same, as where the body touches itself another part is met first.
+    pub heights: Vec<f32>,
 }
 
 /// Predicts what is known as a mesh for every frame: a method of registered meshes, or heights drawn over the posed body.
@@ -26,7 +26,7 @@ impl<F: FnMut(usize, usize) -> MeshFrame> MeshPredictor<F> {
     /// `frame_of` gives the surface at a frame, the second number, of the rollout that began at the first.
     pub fn new(frame_of: F) -> Self {
         let none = Topology { vertex_count: 0, faces: Vec::new(), quads: Vec::new() };
-        let frame = MeshFrame { mesh: Mesh::new(Vec::new(), Arc::new(none)), heights: None };
+        let frame = MeshFrame { mesh: Mesh::new(Vec::new(), Arc::new(none)), heights: Vec::new() };
         Self { frame_of, start: 0, frame }
     }
 }
@@ -42,14 +42,14 @@ impl<F: FnMut(usize, usize) -> MeshFrame> SurfacePredictor for MeshPredictor<F> 
     fn predict(&mut self, t: usize) -> Result<Box<dyn PredictedSurface + '_>, ImplicitError> {
         self.frame = (self.frame_of)(self.start, t);
         let MeshFrame { mesh, heights } = &self.frame;
-        Ok(Box::new(KnownMesh { field: MeshField::new(mesh), heights: heights.as_deref() }))
+        Ok(Box::new(KnownMesh { field: MeshField::new(mesh), heights }))
     }
 }
 
 /// A mesh's field, and what it was drawn from.
 struct KnownMesh<'a> {
     field: MeshField<'a>,
-    heights: Option<&'a [f32]>,
+    heights: &'a [f32],
 }
 
 impl SignedDistance for KnownMesh<'_> {
@@ -63,7 +63,7 @@ impl PredictedSurface for KnownMesh<'_> {
         Ok(Cow::Borrowed(self.field.source()))
     }
 
-    fn predicted_heights(&self) -> Option<&[f32]> {
+    fn heights(&self) -> &[f32] {
         self.heights
     }
 }

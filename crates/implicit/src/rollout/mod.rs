@@ -8,10 +8,7 @@ mod meshes;
 pub use free::FreeRollout;
 pub use meshes::{MeshFrame, MeshPredictor, drawn_over};
 
-use crate::{
-    HeightConfig, ImplicitError, ObserverFrame, RawSurface, SignedDistance, VolumeProbe, VolumeProbeConfig, heights,
-    mean_distance,
-};
+use crate::{ImplicitError, ObserverFrame, RawSurface, SignedDistance, VolumeProbe, VolumeProbeConfig, mean_distance};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use softtissue_geometry::Mesh;
@@ -27,20 +24,13 @@ pub struct RolloutConfig {
     pub lengths: Vec<usize>,
     /// Frames between the starts of rollouts. Default 20 (sec. 4.1).
     pub restart: usize,
-    /// How heights are read off predictions.
-    pub heights: HeightConfig,
     /// Where volume is looked at.
     pub volume: VolumeProbeConfig,
 }
 
 impl Default for RolloutConfig {
     fn default() -> Self {
-        Self {
-            lengths: vec![1, 2, 4, 8, 16, 30],
-            restart: 20,
-            heights: HeightConfig::default(),
-            volume: VolumeProbeConfig::default(),
-        }
+        Self { lengths: vec![1, 2, 4, 8, 16, 30], restart: 20, volume: VolumeProbeConfig::default() }
     }
 }
 
@@ -63,11 +53,9 @@ pub trait PredictedSurface: SignedDistance {
     /// A surface that no mesh can be made of.
     fn mesh(&self, points: &[Vec3]) -> Result<Cow<'_, Mesh>, ImplicitError>;
 
-    /// Its heights over all observers, `[N]`, metres, where whoever predicts knows them; otherwise they are read off it, at the
-    /// lowest where it is not met.
-    fn predicted_heights(&self) -> Option<&[f32]> {
-        None
-    }
+    /// Its heights over all observers, `[N]`, metres, closed where it is not met: the lowest height there would be a jump by
+    /// centimetres, and counted as motion.
+    fn heights(&self) -> &[f32];
 }
 
 /// What predicts the surfaces of a clip frame by frame.
@@ -120,6 +108,7 @@ pub struct RolloutTally {
     /// Squared changes of predicted and of true heights.
     motion: [f64; 2],
     rollouts: u32,
+    lost: u32,
 }
 
 /// A row of the paper's table 1; what was not measured is absent.
@@ -136,6 +125,9 @@ pub struct RolloutFigures {
     pub height_energy: Option<f64>,
     /// Rollouts that were judged.
     pub rollouts: u32,
+    /// Frames with a scan, of those judged, whose predicted surface was nowhere: no distance has them.
+    #[serde(default)]
+    pub lost: u32,
 }
 
 impl Mean {
@@ -163,10 +155,12 @@ impl RolloutTally {
             volume_change: means(&self.volume),
             height_energy: (wanted > 0.0).then(|| (found / wanted).sqrt()),
             rollouts: self.rollouts,
+            lost: self.lost,
         }
     }
 
-    /// Adds the rollouts of a clip. A surface that is nowhere has no distance, and a frame without a scan is passed over.
+    /// Adds the rollouts of a clip. A surface that is nowhere has no distance and is counted as lost, and a frame without a
+    /// scan is passed over.
     ///
     /// # Errors
     /// The predictor's.
@@ -182,7 +176,7 @@ impl RolloutTally {
             let mut before = Before::default();
             for (n, t) in (1..).zip(window) {
                 let surface = predictor.predict(t)?;
-                self.add_motion(surface.as_ref(), clip, t, config, &mut before);
+                self.add_motion(surface.as_ref(), clip, t, &mut before);
                 self.add_frame(surface.as_ref(), clip, (n, t), config, &probe, &mut before)?;
             }
             self.rollouts += 1;
@@ -190,20 +184,9 @@ impl RolloutTally {
         Ok(())
     }
 
-    fn add_motion(
-        &mut self,
-        surface: &dyn PredictedSurface,
-        clip: &RolloutClip,
-        t: usize,
-        config: &RolloutConfig,
-        before: &mut Before,
-    ) {
-        let at = &clip.observers[t];
-        let pick = |field: &[Vec3]| clip.judged.iter().map(|i| field[*i]).collect::<Vec<Vec3>>();
-        let now = match surface.predicted_heights() {
-            Some(all) => clip.judged.iter().map(|i| all[*i]).collect(),
-            None => heights(surface, &pick(&at.positions), &pick(&at.normals), &config.heights),
-        };
+    fn add_motion(&mut self, surface: &dyn PredictedSurface, clip: &RolloutClip, t: usize, before: &mut Before) {
+        let all = surface.heights();
+        let now: Vec<f32> = clip.judged.iter().map(|i| all[*i]).collect();
         if let Some(last) = &before.heights {
             let seen = |i: usize| clip.known[t][i] && clip.known[t - 1][i];
             for ((i, now), last) in clip.judged.iter().zip(&now).zip(last).filter(|((i, _), _)| seen(**i)) {
@@ -229,8 +212,11 @@ impl RolloutTally {
         };
         let at = &clip.observers[t].positions;
         let judged = config.lengths.contains(&n);
-        if judged && let Some(distance) = mean_distance(scan.points(), surface.mesh(at)?.as_ref()) {
-            self.distance.entry(n).or_default().add(1000.0 * distance);
+        if judged {
+            match mean_distance(scan.points(), surface.mesh(at)?.as_ref()) {
+                Some(distance) => self.distance.entry(n).or_default().add(1000.0 * distance),
+                None => self.lost += 1,
+            }
         }
         if !judged && !config.lengths.contains(&(n + 1)) {
             before.shares = None;

@@ -1,6 +1,6 @@
 use super::*;
 use crate::shapes::{Shape, draw};
-use crate::{Interpolation, MarchingCubes, MeshField, Observers, RawSurfaceConfig};
+use crate::{HeightConfig, Interpolation, MarchingCubes, MeshField, Observers, RawSurfaceConfig, heights};
 use softtissue_clips::RawFrame;
 use softtissue_random::Draws;
 
@@ -11,16 +11,28 @@ fn radius(t: usize) -> f32 {
     0.1 + 0.005 * (0.4 * t as f32).sin()
 }
 
-struct Ball(Shape);
+struct Ball {
+    shape: Shape,
+    /// Over the observers of [`truth`].
+    heights: Vec<f32>,
+}
+impl Ball {
+    fn new(radius: f32) -> Self {
+        Self { shape: Shape::Sphere { centre: Vec3::ZERO, radius }, heights: vec![radius - 0.1; 60] }
+    }
+}
 impl SignedDistance for Ball {
     fn values(&self, points: &[Vec3], out: &mut [f32]) {
-        self.0.values(points, out);
+        self.shape.values(points, out);
     }
 }
 impl PredictedSurface for Ball {
     fn mesh(&self, points: &[Vec3]) -> Result<Cow<'_, Mesh>, ImplicitError> {
         let cubes = MarchingCubes { resolution: 48, ..Default::default() };
-        Ok(Cow::Owned(cubes.mesh_near(&self.0, points, 0.06)?))
+        Ok(Cow::Owned(cubes.mesh_near(&self.shape, points, 0.06)?))
+    }
+    fn heights(&self) -> &[f32] {
+        &self.heights
     }
 }
 
@@ -41,7 +53,7 @@ impl<F: Fn(usize, usize) -> f32> SurfacePredictor for Fake<F> {
         let asked = self.asked.last_mut().expect("a start before a prediction");
         assert_eq!(asked.end, t, "one frame after the other");
         asked.end += 1;
-        Ok(Box::new(Ball(Shape::Sphere { centre: Vec3::ZERO, radius: (self.radius)(self.start, t) })))
+        Ok(Box::new(Ball::new((self.radius)(self.start, t))))
     }
 }
 
@@ -145,6 +157,18 @@ fn a_missing_scan_is_passed_over() {
     assert!(figures.volume_change.contains_key(&4) && !figures.volume_change.contains_key(&2));
 }
 
+/// A surface that is nowhere has no distance, which would make the mean of those that are left better than it is.
+#[test]
+fn a_surface_that_vanished_is_counted() {
+    // the ball is a cell too small to be found from the fourth frame of each rollout on
+    let (figures, _) = judged(|start, t| if t < start + 3 { radius(t) } else { 1e-4 }, &[27]);
+    assert_eq!(figures.distance_mm.keys().copied().collect::<Vec<_>>(), [1, 2]);
+    // after 4, 8 and 16 frames of 20..50, but there is no scan at 27, and 30; after 4, 8 and 16 and 30 of 40..70; after 4
+    // and 8 of 60..75
+    assert_eq!(figures.lost, 3 + 4 + 2);
+    assert_eq!(judged(|_, t| radius(t), &[]).0.lost, 0);
+}
+
 /// What no scan has seen is no motion to be missed.
 #[test]
 fn a_guessed_height_is_no_motion() {
@@ -163,7 +187,7 @@ fn a_free_rollout_is_started_once_and_measured_in_every_frame() {
         on_the_clip(&[50], |clip| {
             let drifting = |start: usize, t: usize| radius(t) + 1e-4 * (t - start + 1) as f32;
             let mut fake = Fake { radius: drifting, start: 0, asked: Vec::new() };
-            let free = FreeRollout::of(&mut fake, clip, &RolloutConfig::default(), distances).unwrap();
+            let free = FreeRollout::of(&mut fake, clip, distances).unwrap();
             assert_eq!((fake.asked.len(), fake.asked.first()), (1, Some(&(3..FRAMES))));
             free
         })
@@ -184,8 +208,7 @@ fn a_free_rollout_is_started_once_and_measured_in_every_frame() {
 }
 
 fn ball_mesh() -> Mesh {
-    let ball = Ball(Shape::Sphere { centre: Vec3::ZERO, radius: 0.1 });
-    ball.mesh(&[Vec3::ZERO, Vec3::splat(0.1), Vec3::splat(-0.1)]).unwrap().into_owned()
+    Ball::new(0.1).mesh(&[Vec3::ZERO, Vec3::splat(0.1), Vec3::splat(-0.1)]).unwrap().into_owned()
 }
 
 /// Registered meshes are judged by the same code.
@@ -200,7 +223,12 @@ fn a_mesh_is_a_prediction_too() {
     let grown = |factor: f32| Mesh::new(mesh.positions.iter().map(|p| *p * factor).collect(), mesh.topology.clone());
     let figures = |of: &dyn Fn(usize, usize) -> f32| {
         on_the_clip(&[], |clip| {
-            let frame = |start, t| MeshFrame { mesh: grown(10.0 * of(start, t)), heights: None };
+            let frame = |start, t| {
+                let mesh = grown(10.0 * of(start, t));
+                let ObserverFrame { positions, normals } = &clip.observers[t];
+                let heights = heights(&MeshField::new(&mesh), positions, normals, &HeightConfig::default());
+                MeshFrame { mesh, heights }
+            };
             let mut meshes = MeshPredictor::new(frame);
             let mut tally = RolloutTally::default();
             tally.add(&mut meshes, clip, &RolloutConfig::default()).unwrap();
@@ -215,12 +243,12 @@ fn a_mesh_is_a_prediction_too() {
 
     // heights that are kept stand still, whatever is read off the mesh
     on_the_clip(&[], |clip| {
-        let frame = |_, t| MeshFrame { mesh: grown(10.0 * radius(t)), heights: Some(vec![0.01; 60]) };
+        let frame = |_, t| MeshFrame { mesh: grown(10.0 * radius(t)), heights: vec![0.01; 60] };
         let mut kept = MeshPredictor::new(frame);
         let mut tally = RolloutTally::default();
         tally.add(&mut kept, clip, &RolloutConfig::default()).unwrap();
         assert_eq!(tally.figures().height_energy, Some(0.0));
-        let free = FreeRollout::of(&mut kept, clip, &RolloutConfig::default(), false).unwrap();
+        let free = FreeRollout::of(&mut kept, clip, false).unwrap();
         assert!(free.heights.iter().all(|h| *h == [0.01; 60]));
     });
 }

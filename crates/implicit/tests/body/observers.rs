@@ -1,5 +1,8 @@
 use crate::body;
-use softtissue_implicit::{Observers, PointTree};
+use glam::Vec3;
+use softtissue_body::Pose;
+use softtissue_geometry::Mesh;
+use softtissue_implicit::{MeshField, Observers, PointTree, SignedDistance};
 
 #[test]
 fn observers_are_spread_evenly() {
@@ -21,10 +24,23 @@ fn observers_are_spread_evenly() {
 fn observers_stand_on_the_posed_body_and_look_outwards() {
     let body = body();
     let observers = Observers::spread(&body.template, 300).unwrap();
-    let at = observers.frame(&body.template, &body.topology);
+    let bent: Vec<Vec3> = (0..body.joint_count()).map(|j| Vec3::X * 0.1 * (j as f32).sin()).collect();
+    let pose = Pose { rotations: &bent, translation: Vec3::new(0.3, -0.2, 1.0) };
+    let posed = body.posed(&body.shaped(&[]), pose, None);
+    let at = observers.frame(&posed, &body.topology);
     for (i, v) in observers.vertices().iter().enumerate() {
-        assert_eq!(at.positions[i], body.template[*v as usize]);
+        assert_eq!(at.positions[i], posed[*v as usize]);
         assert!((at.normals[i].length() - 1.0).abs() < 1e-5);
+        assert!(at.positions[i].distance(body.template[*v as usize]) > 0.5);
+    }
+    // a millimetre along the normal is outside, one against it inside
+    let mesh = Mesh::new(posed, body.topology.clone());
+    let beside = |by: f32| -> Vec<Vec3> { at.positions.iter().zip(&at.normals).map(|(p, n)| *p + *n * by).collect() };
+    for (by, outside) in [(0.001, true), (-0.001, false)] {
+        let mut distances = vec![0.0; observers.len()];
+        MeshField::new(&mesh).values(&beside(by), &mut distances);
+        let right = distances.iter().filter(|d| (**d > 0.0) == outside).count();
+        assert_eq!(right, observers.len(), "{by}");
     }
 }
 

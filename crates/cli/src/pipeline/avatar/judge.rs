@@ -17,7 +17,8 @@ use softtissue_eval::viewer::ViewClip;
 use softtissue_eval::{BodyAlone, Method};
 use softtissue_geometry::{Frames, Mesh};
 use softtissue_implicit::{
-    FreeRollout, MeshFrame, MeshPredictor, RolloutClip, RolloutConfig, RolloutTally, SurfacePredictor, drawn_over,
+    FreeRollout, MeshField, MeshFrame, MeshPredictor, RolloutClip, RolloutConfig, RolloutTally, SurfacePredictor,
+    drawn_over,
 };
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -59,7 +60,7 @@ impl Sets {
 pub fn judge_avatars(scene: &AvatarScene, rivals: &Rivals, device: &Device) -> Result<AvatarJudgement> {
     let config = &scene.config.autoavatar;
     let subject = scene.subject()?;
-    let wanted = [scene.interpolation(&subject)?, scene.own(&subject, &scene.split.test, Part::Whole)];
+    let wanted = scene.judged(&subject)?;
     for (prefix, model) in rivals.avatars {
         check_unseen(scene, prefix, model, &subject, &wanted)?;
     }
@@ -112,6 +113,9 @@ fn check_unseen(
         let whose = if prefix.is_empty() { "the run's avatar" } else { prefix.trim_end_matches('/') };
         Err(InputError(format!("{whose} {what}; train it with the settings of this run, or leave it out")).into())
     };
+    if model.info.provenance["scans"]["fingerprint"].as_str() != Some(&scene.scans.fingerprint) {
+        return refuse("was learned from other scans".into());
+    }
     if model.info.subject != subject {
         return refuse(format!("is of {} and not of {subject}", model.info.subject));
     }
@@ -145,13 +149,21 @@ fn check_unseen(
     }
 }
 
+/// What is kept of a row beside its figures.
+#[derive(Default)]
+struct Row {
+    /// Through the clips of the extrapolation set.
+    rollouts: Vec<FreeRollout>,
+    /// Of the first of these, with its surfaces drawn and measured.
+    frame_ms: Option<f64>,
+}
+
 /// One avatar's judgement.
 struct Judge<'a> {
     scene: &'a AvatarScene<'a>,
     avatar: &'a AvatarBody,
     model: &'a AvatarModel,
     history: usize,
-    protocol: RolloutConfig,
     /// Observers whose volume and motion count.
     judged: Vec<usize>,
     /// The region of each observer.
@@ -160,9 +172,8 @@ struct Judge<'a> {
 
 impl<'a> Judge<'a> {
     fn new(scene: &'a AvatarScene<'a>, avatar: &'a AvatarBody, model: &'a AvatarModel, history: usize) -> Self {
-        let protocol = RolloutConfig { heights: avatar.heights.clone(), ..RolloutConfig::default() };
         let regions = RegionMap(avatar.observers.pick(&scene.body.regions.0));
-        Self { scene, avatar, model, history, protocol, judged: avatar.moving(), regions }
+        Self { scene, avatar, model, history, judged: avatar.moving(), regions }
     }
 
     /// Every network of the avatar; its rollouts through the clips of the extrapolation set.
@@ -182,7 +193,11 @@ impl<'a> Judge<'a> {
                 grid: self.scene.config.autoavatar.grid,
             };
             let name = format!("{prefix}{}", learned.conditioning.name());
-            let free = self.row(metrics, sets.both(), &name, |clip| candidate.on(clip, monitor))?;
+            let Row { rollouts: free, frame_ms } =
+                self.row(metrics, sets.both(), &name, |clip| candidate.on(clip, monitor))?;
+            if let (Some(curves), Some(frame_ms)) = (&mut metrics.over_time, frame_ms) {
+                curves.frame_ms.insert(name, frame_ms);
+            }
             rollouts.insert(learned.conditioning, free);
         }
         Ok(rollouts)
@@ -201,7 +216,7 @@ impl<'a> Judge<'a> {
             MeshPredictor::new(move |start, t| {
                 let last = &clip.heights[start - 1];
                 let drawn = drawn_over(posed.frame(t), topology, spread, last, heights);
-                MeshFrame { mesh: Mesh::new(drawn, topology.clone()), heights: Some(last.clone()) }
+                MeshFrame { mesh: Mesh::new(drawn, topology.clone()), heights: last.clone() }
             })
         })?;
         if bundles.is_empty() {
@@ -217,8 +232,11 @@ impl<'a> Judge<'a> {
             // they have seen the motions of the other set whole
             self.row(metrics, [&[], &sets.extrapolation], method.name(), |clip| {
                 let meshes = &meshes[&clip.id.to_string()];
-                let mesh = |t| Mesh::new(meshes.frame(t).to_vec(), topology.clone());
-                MeshPredictor::new(move |_, t| MeshFrame { mesh: mesh(t), heights: None })
+                MeshPredictor::new(move |_, t| {
+                    let mesh = Mesh::new(meshes.frame(t).to_vec(), topology.clone());
+                    let heights = self.avatar.heights_of(&MeshField::new(&mesh), &clip.observers[t]);
+                    MeshFrame { mesh, heights }
+                })
             })?;
         }
         Ok(())
@@ -239,21 +257,22 @@ impl<'a> Judge<'a> {
         Ok(scene.body.posed_frames(&shaped, &motion.rotations, &motion.translations, Some(&deltas)))
     }
 
-    /// A row, on the clips of the interpolation and of the extrapolation set; its rollouts through the latter.
+    /// A row, on the clips of the interpolation and of the extrapolation set.
     fn row<'c, P>(
         &self,
         metrics: &mut SurfaceMetrics,
         sets: [&'c [AvatarClip]; 2],
         name: &str,
         mut predictor: impl FnMut(&'c AvatarClip) -> P,
-    ) -> Result<Vec<FreeRollout>>
+    ) -> Result<Row>
     where
         P: SurfacePredictor,
         P::Error: Into<AvatarError>,
     {
         let monitor = self.scene.monitor;
         monitor.begin(&format!("judging {name}"), (sets[0].len() + sets[1].len()) as u64, "clips");
-        let mut last = Vec::new();
+        let protocol = RolloutConfig::default();
+        let mut row = Row::default();
         for (set, extrapolation) in sets.into_iter().zip([false, true]) {
             let (mut tally, mut decibels, mut rollouts) = (RolloutTally::default(), Vec::new(), Vec::new());
             for (c, clip) in set.iter().enumerate() {
@@ -262,10 +281,10 @@ impl<'a> Judge<'a> {
                 }
                 let truth = clip.truth(self.history, &self.judged);
                 let mut predictor = predictor(clip);
-                tally.add(&mut predictor, &truth, &self.protocol).map_err(Into::into)?;
+                tally.add(&mut predictor, &truth, &protocol).map_err(Into::into)?;
                 let timed = extrapolation && c == 0;
                 let begun = Instant::now();
-                let free = FreeRollout::of(&mut predictor, &truth, &self.protocol, timed).map_err(Into::into)?;
+                let free = FreeRollout::of(&mut predictor, &truth, timed).map_err(Into::into)?;
                 decibels.extend(self.trace(&truth, &free).spectral_db(&free.heights));
                 if timed {
                     let fps = self.model.info.fps;
@@ -273,7 +292,7 @@ impl<'a> Judge<'a> {
                     let curves = metrics.over_time.get_or_insert_with(curves);
                     curves.start = free.start;
                     let milliseconds = 1000.0 * begun.elapsed().as_secs_f64();
-                    curves.frame_ms.insert(name.to_owned(), milliseconds / free.heights.len().max(1) as f64);
+                    row.frame_ms = Some(milliseconds / free.heights.len().max(1) as f64);
                     curves.distance_mm.insert(name.to_owned(), free.distance_mm.clone());
                 }
                 rollouts.push(free);
@@ -285,10 +304,10 @@ impl<'a> Judge<'a> {
             if !set.is_empty() {
                 table.insert(name.to_owned(), figures);
             }
-            last = rollouts;
+            row.rollouts = rollouts;
         }
         monitor.end();
-        Ok(last)
+        Ok(row)
     }
 
     /// True heights of the frames of a free rollout.

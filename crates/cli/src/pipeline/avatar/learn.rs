@@ -12,7 +12,7 @@ use softtissue_train::{Clips, Stage};
 use std::sync::Arc;
 
 /// Raised whenever the same settings and scans would give another avatar, so that a kept stage is not mistaken.
-const AVATAR: u32 = 1;
+const AVATAR: u32 = 2;
 
 /// Learns every network of the settings and writes the avatar.
 pub fn train_avatar(context: &Context, job: &Prepared, raw: &dyn RawScans) -> Result<AvatarModel> {

@@ -115,6 +115,22 @@ impl<'a> AvatarScene<'a> {
         Ok(clips)
     }
 
+    /// What a person is judged on: the interpolation set and the extrapolation set.
+    ///
+    /// # Errors
+    /// Both are empty, or a motion is named that the subject has no training clip of.
+    pub fn judged(&self, subject: &str) -> Result<[Vec<(ClipId, Part)>; 2]> {
+        let sets = [self.interpolation(subject)?, self.own(subject, &self.split.test, Part::Whole)];
+        if sets.iter().any(|set| !set.is_empty()) {
+            return Ok(sets);
+        }
+        let message = format!(
+            "no clip of {subject} is left out to judge by: name motions of this person in split.test_motions or \
+             autoavatar.interpolation, choose another autoavatar.subject, or pass --no-eval"
+        );
+        Err(UsageError(message).into())
+    }
+
     /// The poses that drive a clip.
     pub fn motion(&self, poses: PoseSource, id: &ClipId) -> Result<MotionClip> {
         match poses {

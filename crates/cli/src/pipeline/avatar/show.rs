@@ -5,7 +5,7 @@ use anyhow::Result;
 use softtissue_avatar::{AvatarBody, AvatarClip, Conditioning, PoseSource};
 use softtissue_eval::surfaces::{HeightLayer, HeightView};
 use softtissue_eval::viewer::ViewClip;
-use softtissue_geometry::{Frames, Mesh};
+use softtissue_geometry::Mesh;
 use softtissue_implicit::{FreeRollout, MeshField};
 use std::ops::Range;
 
@@ -36,7 +36,7 @@ impl AvatarShow<'_> {
         let frames = start..clip.frames.end;
         let scene = self.scene;
         let whole = scene.posed(self.poses, &clip.id)?;
-        let posed = part(&whole, frames.clone());
+        let posed = whole.slice(frames.clone());
         let spread = self.avatar.observers.vertices_from_observers(&scene.body.template, &scene.body.topology);
         let view = HeightView {
             topology: &scene.body.topology,
@@ -69,10 +69,4 @@ impl AvatarShow<'_> {
         };
         Ok(Some(frames.map(heights).collect()))
     }
-}
-
-fn part(frames: &Frames, range: std::ops::Range<usize>) -> Frames {
-    let mut out = Frames::new(frames.points_per_frame());
-    range.for_each(|t| out.push(frames.frame(t)));
-    out
 }

@@ -10,7 +10,7 @@ use burn::tensor::Device;
 use softtissue_avatar::{AvatarBody, AvatarClip, AvatarModel, Candidate, Conditioning};
 use softtissue_clips::{ClipEntry, ClipId};
 use softtissue_eval::viewer::{Pick, ViewClip};
-use softtissue_implicit::{FreeRollout, RolloutConfig};
+use softtissue_implicit::FreeRollout;
 use softtissue_monitor::Monitor;
 use std::path::Path;
 
@@ -69,13 +69,12 @@ fn rolled_out(
     monitor: &dyn Monitor,
 ) -> Result<Option<ViewClip>> {
     let (avatar, history) = (show.avatar, model.config.history);
-    let protocol = RolloutConfig { heights: avatar.heights.clone(), ..RolloutConfig::default() };
     let mut rollouts = Vec::new();
     for conditioning in [Conditioning::Autoregressive, Conditioning::Pose] {
         if let Some(network) = model.network(conditioning) {
             let candidate = Candidate { body: avatar, conditioning, network, grid: model.info.grid };
             let truth = clip.truth(history, &[]);
-            let free = FreeRollout::of(&mut candidate.on(clip, monitor), &truth, &protocol, false)?;
+            let free = FreeRollout::of(&mut candidate.on(clip, monitor), &truth, false)?;
             rollouts.push((conditioning, free));
         }
     }
