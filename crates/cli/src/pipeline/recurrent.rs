@@ -80,19 +80,25 @@ pub fn learn_regressor(
         }
         ShortcutKind::Resonators => {
             let latents = [rollouts(&readout, validation), rollouts(&network, validation)];
-            let judge = |mix: Mix| judged(&mix.latents(&latents));
+            let people = people(&inputs.clips.train);
+            let stranger = context.config.regressor.stranger;
+            // a body that the network has not learned has less of it, here as in the bundle
+            let known = acquaintances(&people, stranger, validation);
+            let judge = |mix: Mix| judged(&mix.latents(&latents, &known));
+            // without either part there is nothing to be cautious with
+            let whole = vec![1.0; validation.len()];
+            let judge_alone = |mix: Mix| judged(&mix.latents(&latents, &whole));
             let given = context.config.regressor.given_for_motion;
             let tuned =
-                |share: f32| if inputs.validated { livelier(&judge, share, given).0 } else { Mix::plain(share) };
+                |share: f32| if inputs.validated { livelier(&judge_alone, share, given).0 } else { Mix::plain(share) };
             let (mix, soft_ratio) = match inputs.validated {
                 true => best_mix(&judge, given),
                 false => (Mix::plain(UNTRIED_SHARE), judge(Mix::plain(UNTRIED_SHARE)).ratio()),
             };
-            let people = people(&inputs.clips.train);
             let mixed = |mix: Mix, stranger: f32| mixed(&readout, &network, mix, people.clone(), stranger);
             let alone = |share: f32| mixed(tuned(share), 1.0);
             LearnedRegressor {
-                regressor: mixed(mix, context.config.regressor.stranger),
+                regressor: mixed(mix, stranger),
                 without_gru: alone(0.0),
                 without_shortcut: alone(1.0),
                 share: mix.share,
@@ -189,10 +195,14 @@ impl Mix {
         Self { share, gain: 1.0 }
     }
 
-    /// Latents of the mixture of those of the readout and of the network, clip by clip.
-    fn latents(self, [readout, network]: &[Vec<Vec<f32>>; 2]) -> Vec<Vec<f32>> {
-        let mix = |(a, b): (&f32, &f32)| self.gain * ((1.0 - self.share) * a + self.share * b);
-        readout.iter().zip(network).map(|(a, b)| a.iter().zip(b).map(mix).collect()).collect()
+    /// Latents of the mixture of those of the readout and of the network, clip by clip; of the share each has the part that
+    /// `known` says.
+    fn latents(self, [readout, network]: &[Vec<Vec<f32>>; 2], known: &[f32]) -> Vec<Vec<f32>> {
+        let clip = |((readout, network), known): ((&Vec<f32>, &Vec<f32>), &f32)| {
+            let share = self.share * known;
+            readout.iter().zip(network).map(|(a, b)| self.gain * ((1.0 - share) * a + share * b)).collect()
+        };
+        readout.iter().zip(network).zip(known).map(clip).collect()
     }
 }
 
@@ -247,6 +257,12 @@ fn judged(subspace: &Subspace, score: &SoftScore, clips: &[TrainingClip], latent
         .collect();
     judged.into_iter().for_each(|s| sum.add(s));
     sum
+}
+
+/// The part of its whole share that the network has on each clip's body.
+fn acquaintances(people: &Matrix, stranger: f32, clips: &[TrainingClip]) -> Vec<f32> {
+    let whole = Acquaintance { share: 1.0, stranger, people: people.clone(), ..Acquaintance::default() };
+    clips.iter().map(|clip| whole.share_of(&clip.beta)).collect()
 }
 
 /// The mixture as one regressor that knows whom the network has learned.
@@ -444,13 +460,15 @@ mod tests {
         let mixture = |people: &Matrix, stranger| mixed(&readout, &network, mix, people.clone(), stranger);
         for (people, stranger, share) in [(&known, 0.0, 0.35), (&unknown, 1.0, 0.35), (&unknown, 0.4, 0.14)] {
             let found = rollout(&mixture(people, stranger), &clip);
-            let wanted = &Mix { share, ..mix }.latents(&parts)[0];
+            let known = acquaintances(people, stranger, std::slice::from_ref(&clip));
+            assert!((mix.share * known[0] - share).abs() < 1e-6);
+            let wanted = &mix.latents(&parts, &known)[0];
             assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?} {wanted:?}");
             assert!(found.iter().zip(&parts[0][0]).any(|(a, b)| (a - b).abs() > 0.1), "the network has its part");
         }
         let none = mixed(&readout, &network, Mix { share: 0.0, ..mix }, known, 1.0);
         assert!(none.recurrent.is_none() && none.acquaintance.is_none());
-        let wanted = &Mix { share: 0.0, ..mix }.latents(&parts)[0];
+        let wanted = &Mix { share: 0.0, ..mix }.latents(&parts, &[1.0])[0];
         assert!(rollout(&none, &clip).iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4));
     }
 
